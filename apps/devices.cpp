@@ -45,7 +45,7 @@ CheckedDevice checked(const DeviceInfo& info) {
     device.rows = full_self_check(queue);
     for (const SelfCheckRow& row : device.rows)
       if (!row.passed && device.reason.empty())
-        device.reason = fmt::format("{}: {:.3g} exceeds {:.3g}", row.name, row.figure, row.bound);
+        device.reason = fmt::format("{}: {:.3g} exceeds {:.3g}", row.name, row.value, row.bound);
   } catch (const Error& error) {
     device.reason = error.what();
   }
@@ -72,7 +72,7 @@ void print_table(const CheckedDevice& device) {
   line("driver", info.driver);
   line("OpenCL", info.version);
   for (const SelfCheckRow& row : device.rows)
-    fmt::print("   check  {:<42} {:>10.3g}  at most {:<8.3g} {}\n", row.name, row.figure, row.bound,
+    fmt::print("   check  {:<42} {:>10.3g}  at most {:<8.3g} {}\n", row.name, row.value, row.bound,
                row.passed ? "ok" : "FAILS");
   fmt::print("   {}\n\n", verdict(device));
 }
@@ -82,7 +82,7 @@ nlohmann::ordered_json as_json(const CheckedDevice& device) {
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   for (const SelfCheckRow& row : device.rows)
     rows.push_back(
-        {{"name", row.name}, {"figure", row.figure}, {"bound", row.bound}, {"passed", row.passed}});
+        {{"name", row.name}, {"figure", row.value}, {"bound", row.bound}, {"passed", row.passed}});
   return {{"index", info.index},
           {"name", info.name},
           {"platform", info.platform},

@@ -92,7 +92,7 @@ std::string heading_of(const Test& test) {
 
 std::string text_of(const stress::Row& row) {
   std::vector<std::string> lines = wrapped(row.condition, kCondition, "  ");
-  lines.back() = fmt::format("{:<{}} {:>9.3g} {:>9.2g}  {}", lines.back(), kCondition, row.figure,
+  lines.back() = fmt::format("{:<{}} {:>9.3g} {:>9.2g}  {}", lines.back(), kCondition, row.value,
                              row.bound, verdict(passed(row)));
   return fmt::format("    {}\n", fmt::join(lines, "\n    "));
 }
@@ -120,21 +120,21 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   }
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  nlohmann::ordered_json figures = nlohmann::ordered_json::array();
+  nlohmann::ordered_json values = nlohmann::ordered_json::array();
   fmt::print("{}", heading_of(test));
   for (const stress::Row& row : rows) {
     const bool good = passed(row);
     ++(good ? outcome.passed : outcome.failed);
     fmt::print("{}", text_of(row));
     if (!good) outcome.failures.push_back(heading_of(test) + text_of(row));
-    figures.push_back({{"condition", row.condition},
-                       {"figure", row.figure},
-                       {"bound", row.bound},
-                       {"passed", good}});
+    values.push_back({{"condition", row.condition},
+                      {"figure", row.value},
+                      {"bound", row.bound},
+                      {"passed", good}});
   }
   std::fflush(stdout);
   outcome.tests.push_back(
-      {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", figures}});
+      {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", values}});
 }
 
 void run_derivatives(Queue& queue, Outcome& outcome) {

@@ -252,16 +252,16 @@ std::string markdown_of(const TrainingOptions& o, const std::vector<TrainedChoic
 
 void add_rows(Report& report, const std::vector<TrainedChoice>& all) {
   for (const TrainedChoice& one : all) {
-    const auto figure = [](const char* name, const Samples& values, bool quality) {
+    const auto measurement = [](const char* name, const Samples& values, bool quality) {
       const auto [least, most] = std::minmax_element(values.begin(), values.end());
-      return Figure{name, {mean_of(values).mean, *least, *most}, true, !quality, quality};
+      return Measurement{name, {mean_of(values).mean, *least, *most}, true, !quality, quality};
     };
     report.add({one.choice.name + ", trained",
                 {{"CPU of a step, of shipped", one.of_shipped},
                  single("steps", one.steps),
-                 figure("PSNR [dB]", one.psnr, true),
-                 figure("moving [dB]", one.psnr_dynamic, true),
-                 figure("flow error, moving [px]", one.flow_epe_dynamic, false)}});
+                 measurement("PSNR [dB]", one.psnr, true),
+                 measurement("moving [dB]", one.psnr_dynamic, true),
+                 measurement("flow error, moving [px]", one.flow_epe_dynamic, false)}});
   }
 }
 

@@ -48,7 +48,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> stages{
 
 // Half the CPU time from bin to gather, the rasterizer alone: its wall time on two idle cores. NaN
 // on a GPU.
-Figure half_of_raster(const Queue& queue, const Cost& cost) {
+Measurement half_of_raster(const Queue& queue, const Cost& cost) {
   const char* const name = "bin to gather, of that [ms]";
   if (!queue.info.is_cpu) return single(name, NAN);
   KernelSamples raster;
@@ -91,17 +91,17 @@ void measure(Queue& queue, BenchScene scene, const RasterOptions& o, Report& rep
     const Spread ms = spread_of(times);
     // Operations or bytes in 1e9 per second, time in ms: factor 1e-6.
     const double share = flops * pairs.blended * 1e-6 / report.peak().gflops;
-    report.add(
-        {scene.name + ": " + name,
-         {{"device [ms]", ms},
-          queue.info.is_cpu ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, all, cost.cpu_ms))}
-                            : single("CPU, about [ms]", NAN),
-          {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
-          // Operations are counted only for splat and backward.
-          single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),
-          single("of the copy peak [%]", 100e-6 * bytes_of_stage(name, touched, channels) /
-                                             report.peak().copy_gbs / ms.median)},
-         is_brief(times, all)});
+    report.add({scene.name + ": " + name,
+                {{"device [ms]", ms},
+                 queue.info.is_cpu
+                     ? Measurement{"CPU, about [ms]", spread_of(cpu_of(times, all, cost.cpu_ms))}
+                     : single("CPU, about [ms]", NAN),
+                 {"a blended pair [ns]", scaled(ms, 1e6 / pairs.blended)},
+                 // Operations are counted only for splat and backward.
+                 single("of the FMA peak [%]", flops > 0 ? 100 * share / ms.median : NAN),
+                 single("of the copy peak [%]", 100e-6 * bytes_of_stage(name, touched, channels) /
+                                                    report.peak().copy_gbs / ms.median)},
+                is_brief(times, all)});
   };
   shares.push_back({scene.name});
   for (const auto& [stage, kernels] : stages) {

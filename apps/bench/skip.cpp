@@ -105,7 +105,8 @@ Result run_skip(StepOptions o, const GlobalOptions& options) {
              single("pairs back", c.work.pairs.back),
              single("pairs blended", c.work.pairs.blended),
              single("model differs by", difference(c.end, costs[0].end))}};
-    for (Figure& share : shares_of_peaks(c, report.peak())) row.figures.push_back(std::move(share));
+    for (Measurement& share : shares_of_peaks(c, report.peak()))
+      row.measurements.push_back(std::move(share));
     report.add(std::move(row));
   }
   report.note(saved_by_all(kinds, costs));

@@ -54,7 +54,8 @@ Result run_step(StepOptions o, const GlobalOptions& options) {
              {"idle [%]", spread_of(idle)},
              {"CPU, relative to images only", ratio_of(c.cpu, costs[0].cpu)},
              single("Gaussians", double(c.end.count))}};
-    for (Figure& share : shares_of_peaks(c, report.peak())) row.figures.push_back(std::move(share));
+    for (Measurement& share : shares_of_peaks(c, report.peak()))
+      row.measurements.push_back(std::move(share));
     report.add(std::move(row));
   }
   for (const size_t i : {0, 1}) {
@@ -63,13 +64,13 @@ Result run_step(StepOptions o, const GlobalOptions& options) {
       rows.push_back(
           {kinds[i].name + ": " + name,
            {{"device [ms]", spread_of(times)},
-            queue.info.is_cpu
-                ? Figure{"CPU, about [ms]", spread_of(cpu_of(times, costs[i].busy, costs[i].cpu))}
-                : single("CPU, about [ms]", NAN),
+            queue.info.is_cpu ? Measurement{"CPU, about [ms]",
+                                            spread_of(cpu_of(times, costs[i].busy, costs[i].cpu))}
+                              : single("CPU, about [ms]", NAN),
             {"of the device's time [%]", scaled(ratio_of(times, costs[i].busy), 100)}},
            is_brief(times, costs[i].busy)});
     std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
-      return a.figures[0].value.median > b.figures[0].value.median;
+      return a.measurements[0].value.median > b.measurements[0].value.median;
     });
     for (Row& row : rows) report.add(std::move(row));
   }

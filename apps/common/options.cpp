@@ -20,7 +20,7 @@ Queue open_queue(const GlobalOptions& options, const QueueOptions& queue_options
         throw Error(fmt::format(
             "the OpenCL device {} fails the self-check '{}': {} exceeds {}; `gflow devices` "
             "shows all checks, --device chooses another device",
-            queue.info.full_name(), row.name, row.figure, row.bound));
+            queue.info.full_name(), row.name, row.value, row.bound));
     return queue;
   } catch (const NoRoomForPrograms&) {
     throw;

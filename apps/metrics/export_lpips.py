@@ -8,7 +8,7 @@
 
 The weights are those that the package `lpips` (Zhang et al.) and torchvision load, the latter from
 the network when it is used first. The arithmetic is that of lpips.LPIPS; what OpenCV 4.6 cannot
-broadcast is written as convolutions. The script compares its figures with lpips' own before it
+broadcast is written as convolutions. The script compares its values with lpips' own before it
 writes, and with OpenCV's where cv2 is installed.
 """
 import argparse

@@ -9,7 +9,7 @@ namespace {
 Rows self_checks(Queue& queue) {
   Rows rows;
   for (const SelfCheckRow& row : full_self_check(queue))
-    rows.push_back({row.name, row.figure, row.bound});
+    rows.push_back({row.name, row.value, row.bound});
   return rows;
 }
 

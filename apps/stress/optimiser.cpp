@@ -4,7 +4,7 @@
 #include <cstring>
 #include <tuple>
 
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/options/train_options.hpp"
 #include "runtime/primitives/adam.hpp"

@@ -7,13 +7,13 @@
 namespace gflow::stress {
 namespace {
 
-bool within(double figure, double bound) { return std::isfinite(figure) && figure <= bound; }
+bool within(double value, double bound) { return std::isfinite(value) && value <= bound; }
 
 int number(const Test& test) { return std::stoi(test.id.substr(1)); }
 
 }  // namespace
 
-bool passed(const Row& row) { return within(row.figure, row.bound); }
+bool passed(const Row& row) { return within(row.value, row.bound); }
 
 bool passed(const Derivative& row) {
   return within(row.against_double, row.double_bound) &&

@@ -3,7 +3,7 @@
 // numbers in double.
 #pragma once
 #include "apps/stress/device_maths.hpp"
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "shared/quat.h"
 
 namespace gflow::stress {

@@ -13,7 +13,7 @@ namespace gflow::stress {
 // A test condition, the measured value and its bound. A non-finite value fails.
 struct Row {
   std::string condition;
-  double figure, bound;
+  double value, bound;
 };
 using Rows = std::vector<Row>;
 

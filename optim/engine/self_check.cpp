@@ -127,8 +127,8 @@ void check_sort(Queue& queue, SelfCheck& rows) {
 
 }  // namespace
 
-SelfCheckRow self_check_row(const std::string& name, double figure, double bound) {
-  return {name, figure, bound, figure <= bound};
+SelfCheckRow self_check_row(const std::string& name, double value, double bound) {
+  return {name, value, bound, value <= bound};
 }
 
 SelfCheck self_check(Queue& queue) {

@@ -10,16 +10,16 @@
 
 namespace gflow {
 
-// One check; passed means figure <= bound (NaN fails).
+// One check; passed means value <= bound (NaN fails).
 struct SelfCheckRow {
-  std::string name;  // with the unit of `figure`
-  double figure, bound;
+  std::string name;  // with the unit of `value`
+  double value, bound;
   bool passed;
 };
 
 using SelfCheck = std::vector<SelfCheckRow>;
 
-SelfCheckRow self_check_row(const std::string& name, double figure, double bound);
+SelfCheckRow self_check_row(const std::string& name, double value, double bound);
 
 // Runs all checks on the queue's device.
 SelfCheck self_check(Queue& queue);

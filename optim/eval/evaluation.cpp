@@ -69,15 +69,15 @@ std::vector<const Frame*> followers(const std::vector<Frame>& frames, int max_ga
   return next;
 }
 
-double mean_of(const std::vector<ViewMetrics>& views, double ViewMetrics::*figure) {
+double mean_of(const std::vector<ViewMetrics>& views, double ViewMetrics::*metric) {
   double sum = 0;
   size_t count = 0;
   for (const ViewMetrics& view : views)
-    if (std::isfinite(view.*figure)) {
-      sum += view.*figure;
+    if (std::isfinite(view.*metric)) {
+      sum += view.*metric;
       ++count;
     }
-  return count ? sum / double(count) : kNoFigure;
+  return count ? sum / double(count) : kNotMeasured;
 }
 
 // Whether any pixel is selected. Without one a metric is undefined; the metric functions take an
@@ -139,8 +139,8 @@ class Evaluator {
   }
 
   Evaluation result() {
-    for (const auto& [name, figure] : view_figures())
-      result_.mean.*figure = mean_of(result_.views, figure);
+    for (const auto& [name, metric] : view_metrics())
+      result_.mean.*metric = mean_of(result_.views, metric);
     return result_;
   }
 
@@ -244,8 +244,8 @@ class Evaluator {
 
 }  // namespace
 
-const std::vector<NamedFigure>& view_figures() {
-  static const std::vector<NamedFigure> figures{
+const std::vector<NamedMetric>& view_metrics() {
+  static const std::vector<NamedMetric> metrics{
       {"psnr", &ViewMetrics::psnr},
       {"ssim", &ViewMetrics::ssim},
       {"psnr_dynamic", &ViewMetrics::psnr_dynamic},
@@ -258,7 +258,7 @@ const std::vector<NamedFigure>& view_figures() {
       {"flicker", &ViewMetrics::flicker},
       {"lpips", &ViewMetrics::lpips},
       {"clip", &ViewMetrics::clip}};
-  return figures;
+  return metrics;
 }
 
 Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,

@@ -15,32 +15,35 @@
 
 namespace gflow {
 
-constexpr double kNoFigure = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 
 // Metrics of one view. NaN (null in JSON) if a metric is undefined: no pixel moves, flow or depth
 // is unknown, no network is given.
 struct ViewMetrics {
   std::string name;
   int step = 0;  // time step of the video
-  double psnr = kNoFigure, ssim = kNoFigure;
-  double psnr_dynamic = kNoFigure;      // over pixels whose reference flow exceeds 1 px
-  double ssim_dynamic = kNoFigure;      // mean SSIM at these pixels
-  double flow_epe = kNoFigure;          // [px] over pixels with known reference flow
-  double flow_epe_dynamic = kNoFigure;  // [px] over pixels whose reference flow exceeds 1 px
-  double fl_all = kNoFigure;  // share, in [0, 1], of known pixels off by > 3 px and > 5 % (KITTI)
-  double teacher_epe_dynamic = kNoFigure;  // [px] error of DIS over the same pixels, if both exist
-  double depth_error = kNoFigure;          // relative, if the scene has true depth (metrics.hpp)
-  double flicker = kNoFigure;  // [grey levels] to the next view of its camera track (metrics.hpp)
-  double lpips = kNoFigure;    // distance, if metrics.lpips names a network
-  double clip = kNoFigure;     // similarity in [-1, 1], if metrics.clip names a network
+  double psnr = kNotMeasured, ssim = kNotMeasured;
+  // Over pixels whose reference flow exceeds 1 px; SSIM: the mean at these pixels.
+  double psnr_dynamic = kNotMeasured, ssim_dynamic = kNotMeasured;
+  double flow_epe = kNotMeasured;          // [px] over pixels with known reference flow
+  double flow_epe_dynamic = kNotMeasured;  // [px] over pixels whose reference flow exceeds 1 px
+  // Share, in [0, 1], of known pixels off by > 3 px and > 5 % (KITTI).
+  double fl_all = kNotMeasured;
+  // [px] error of DIS over the pixels of flow_epe_dynamic, if both exist.
+  double teacher_epe_dynamic = kNotMeasured;
+  double depth_error = kNotMeasured;  // relative, if the scene has true depth (metrics.hpp)
+  // [grey levels] to the next view of its camera track (metrics.hpp).
+  double flicker = kNotMeasured;
+  double lpips = kNotMeasured;  // distance, if metrics.lpips names a network
+  double clip = kNotMeasured;   // similarity in [-1, 1], if metrics.clip names a network
 };
 
 // The metrics by name, in the order of results.json.
-struct NamedFigure {
+struct NamedMetric {
   const char* name;
   double ViewMetrics::*value;
 };
-const std::vector<NamedFigure>& view_figures();
+const std::vector<NamedMetric>& view_metrics();
 
 struct Evaluation {
   ViewMetrics mean;            // over the views in which the metric is finite

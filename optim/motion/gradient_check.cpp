@@ -72,8 +72,8 @@ SelfCheckRow gradient_check(Queue& queue) {
     compare(v.turn, at4(turns, i));
     compare(v.log_scales, at4(log_scales, i));
   }
-  const double figure = norm > 0 ? std::sqrt(error / norm) : 1;
-  return self_check_row("gradient against double, relative", std::isfinite(figure) ? figure : 1,
+  const double relative = norm > 0 ? std::sqrt(error / norm) : 1;
+  return self_check_row("gradient against double, relative", std::isfinite(relative) ? relative : 1,
                         1e-4);
 }
 

@@ -14,22 +14,22 @@ bool is_finite_report(const StepReport& now, const StepReport& before) {
          now.rejected <= before.rejected + 10 + now.gaussians / 1000;
 }
 
-std::string what_is_non_finite(const StepReport& figures, int step) {
-  if (!std::isfinite(figures.loss))
-    return fmt::format("the loss is {} at step {}", std::isnan(figures.loss) ? "NaN" : "infinite",
+std::string what_is_non_finite(const StepReport& report, int step) {
+  if (!std::isfinite(report.loss))
+    return fmt::format("the loss is {} at step {}", std::isnan(report.loss) ? "NaN" : "infinite",
                        step);
-  if (!figures.non_finite.empty())
-    return fmt::format("{} contains NaN or Inf at step {}", figures.non_finite, step);
-  if (figures.stuck > 0)
+  if (!report.non_finite.empty())
+    return fmt::format("{} contains NaN or Inf at step {}", report.non_finite, step);
+  if (report.stuck > 0)
     return fmt::format(
         "{} shared rows of parameters had ten non-finite gradients in a row at step {}",
-        figures.stuck, step);
-  return fmt::format("{} rows of parameters had non-finite gradients at step {}", figures.rejected,
+        report.stuck, step);
+  return fmt::format("{} rows of parameters had non-finite gradients at step {}", report.rejected,
                      step);
 }
 
-int RollBack::roll_back(int step, const StepReport& figures, std::string& notice) {
-  const std::string what = what_is_non_finite(figures, step);
+int RollBack::roll_back(int step, const StepReport& report, std::string& notice) {
+  const std::string what = what_is_non_finite(report, step);
   std::optional<CheckpointFolder::Found> last = run_.checkpoints().latest();
   const int from = last ? last->checkpoint.facts.step : -1;
   times_ = from == from_ ? times_ + 1 : 1;

@@ -15,7 +15,7 @@ namespace gflow {
 bool is_finite_report(const StepReport& now, const StepReport& before);
 
 // Describes the non-finite values of a report at a step.
-std::string what_is_non_finite(const StepReport& figures, int step);
+std::string what_is_non_finite(const StepReport& report, int step);
 
 class RollBack {
  public:
@@ -27,7 +27,7 @@ class RollBack {
   // Restores the last checkpoint, with half of the latest learning-rate scale, and describes it in
   // `notice`. Returns the checkpoint's step. Error if there is none, or after `most` times; then
   // broken.npz in the run contains the diverged state.
-  int roll_back(int step, const StepReport& figures, std::string& notice);
+  int roll_back(int step, const StepReport& report, std::string& notice);
 
   // Saves the state after `step` steps if the next step ran out of memory, and if the values that
   // need no image are finite: `before` as for is_finite_report().

@@ -77,17 +77,17 @@ std::vector<std::string> columns_of(const std::string& path) {
 }
 
 OrderedJson metrics_of_view(const ViewMetrics& view) {
-  OrderedJson figures;
-  for (const auto& [name, value] : view_figures()) figures[name] = number(view.*value);
-  return figures;
+  OrderedJson metrics;
+  for (const auto& [name, value] : view_metrics()) metrics[name] = number(view.*value);
+  return metrics;
 }
 
 // Mean of each metric over the views of each time step.
-OrderedJson figures_by_step(const std::vector<ViewMetrics>& views) {
+OrderedJson metrics_by_step(const std::vector<ViewMetrics>& views) {
   int steps = 0;
   for (const ViewMetrics& view : views) steps = std::max(steps, view.step + 1);
   OrderedJson all = OrderedJson::object();
-  for (const auto& [name, value] : view_figures()) {
+  for (const auto& [name, value] : view_metrics()) {
     std::vector<double> sums(size_t(steps), 0.0), counts(size_t(steps), 0.0);
     for (const ViewMetrics& view : views) {
       if (!std::isfinite(view.*value)) continue;
@@ -174,7 +174,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   for (const ViewMetrics& view : evaluation.views) views[view.name] = metrics_of_view(view);
   write_file_atomically(of_each, json_text(views, 1) + "\n");
   OrderedJson test = metrics_of_view(evaluation.mean);
-  test["by_step"] = figures_by_step(evaluation.views);
+  test["by_step"] = metrics_by_step(evaluation.views);
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
   test["trained_on"] = evaluation.trained_on;

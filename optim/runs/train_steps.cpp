@@ -40,9 +40,9 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
 }
 
 // Appends a line of the log; a failure does not stop training.
-void try_append_metrics(const RunFolder& run, int step, double seconds, const StepReport& figures) {
+void try_append_metrics(const RunFolder& run, int step, double seconds, const StepReport& report) {
   try {
-    run.append_metrics(step, seconds, figures);
+    run.append_metrics(step, seconds, report);
   } catch (const Error& problem) {
     warn(fmt::format("metrics of step {} not saved: {}; training continues", step, problem.what()));
   }

@@ -22,8 +22,8 @@ std::vector<float> rows_by_steps(const AdamConfig& config) {
   std::vector<float> table;
   for (size_t t = 0; t < table_size; ++t) {
     const AdamRow row = adam_row(config, double(std::max<size_t>(t, 1)), double(t));
-    for (const double figure : {row.correction1, row.correction2, row.decay1, row.decay2})
-      table.push_back(float(figure));
+    for (const double factor : {row.correction1, row.correction2, row.decay1, row.decay2})
+      table.push_back(float(factor));
   }
   return table;
 }

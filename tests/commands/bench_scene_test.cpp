@@ -50,8 +50,8 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   EXPECT_EQ(old["trained"]["steps"], 1);
   // Images and flow of trainings are compared, too: by more than a fifth of a dB, a tenth.
   for (Json& row : old["rows"])
-    for (Json& figure : row)
-      if (figure.is_object()) figure["high"] = 1e6;
+    for (Json& measurement : row)
+      if (measurement.is_object()) measurement["high"] = 1e6;
   Json& once = old["rows"]["alpha >= 1/64, trained"];
   for (const char* part : {"median", "low", "high"}) {
     once["PSNR [dB]"][part] = first["median"].get<double>() + 40;

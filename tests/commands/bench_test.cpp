@@ -120,8 +120,8 @@ TEST(Bench, BoxesThatCutSplatsOffAreLessExactAndSkipsAreNot) {
 
   // A larger error is reported like a longer time.
   for (Json& row : rows)
-    for (Json& figure : row)
-      if (figure.is_object()) figure["high"] = 1e6;
+    for (Json& measurement : row)
+      if (measurement.is_object()) measurement["high"] = 1e6;
   rows["shipped"]["gradients"] = 0.5 * rows["shipped"]["gradients"].get<double>();
   const Outcome compared = small_pareto(
       {"--knob", "boxes", "--knob", "skips", "--compare", folder.write("old.json", report.dump())});
@@ -292,9 +292,9 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   const auto compared_with = [&](double factor) {
     Json report = report_in(file);
     for (Json& row : report["rows"])
-      for (Json& figure : row)
-        if (figure.is_object())
-          for (Json& part : figure) part = part.get<double>() * factor;
+      for (Json& measurement : row)
+        if (measurement.is_object())
+          for (Json& part : measurement) part = part.get<double>() * factor;
     const std::string old = folder.write("old.json", report.dump());
     return small_raster({"--compare", old});
   };
@@ -315,8 +315,8 @@ TEST(Bench, AnEarlierReportIsComparedByRatio) {
   Json report = report_in(file);  // slower by its best, but one earlier repeat was as slow
   const std::string row = report["rows"].items().begin().key();
   for (Json& one : report["rows"])
-    for (Json& figure : one)
-      if (figure.is_object()) figure["low"] = 1e-6, figure["high"] = 1e6;
+    for (Json& measurement : one)
+      if (measurement.is_object()) measurement["low"] = 1e-6, measurement["high"] = 1e6;
   report["rows"]["gone"] = report["rows"][row];
   report["rows"].erase(row);
   const Outcome unsure = small_raster({"--compare", folder.write("old.json", report.dump())});

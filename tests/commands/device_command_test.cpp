@@ -145,9 +145,9 @@ TEST(DevicesCommand, AVariableThatIsNoAnswerIsAnError) {
     }
 }
 
-TEST(StressCommand, WritesTheFiguresThatItPrints) {
+TEST(StressCommand, WritesTheValuesThatItPrints) {
   const TemporaryFolder folder;
-  const std::string path = folder.file("figures.json");
+  const std::string path = folder.file("report.json");
   const Outcome outcome = gflow({"stress", "--only", "t05, 21", "--json", path});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const json told = json::parse(contents(path));
@@ -189,7 +189,7 @@ TEST(StressCommand, NoLineIsLongerThan80Characters) {
 
 TEST(StressCommand, ABoundThatIsNotKeptIsExitCodeThree) {
   const TemporaryFolder folder;
-  const std::string path = folder.file("figures.json");
+  const std::string path = folder.file("report.json");
   const ChangedKernels kernels("checks/stress.cl", "dets[i] = w.det;", "dets[i] = w.det * 1.001f;");
   const Outcome outcome =
       gflow({"--quiet", "stress", "--only", "T5", "--json", path}, kernels.environment());
@@ -212,7 +212,7 @@ TEST(StressCommand, RefusesWhatItDoesNotKnow) {
   expect_refused({"stress", "--only", "T99"}, {"--only T99", "T5, ", "T42 to T45"});
   for (const char* word : {"T1-T3", "quick", "T"})
     expect_refused({"stress", "--only", word}, {fmt::format("--only: '{}' is not a number", word)});
-  for (const std::string path : {"/nowhere/figures.json", "/proc/figures.json"})
+  for (const std::string path : {"/nowhere/report.json", "/proc/report.json"})
     expect_refused({"stress", "--only", "5", "--json", path}, {"--json: cannot write " + path});
   EXPECT_NE(gflow({"stress", "--only", "5", "--derivatives"}).code, 0);
 }
@@ -229,9 +229,9 @@ TEST(StressCommand, InterruptedInItsLastTestItSaysSo) {
   EXPECT_NE(outcome.out.find("T22 "), std::string::npos) << outcome.out;
 }
 
-TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
+TEST(StressCommand, InterruptedItKeepsTheValuesThatItHas) {
   const TemporaryFolder folder;
-  const std::string path = folder.file("figures.json");
+  const std::string path = folder.file("report.json");
   const Command command({"stress", "--json", path});
   for (int i = 0; i < 6000 && command.said().find("T2 ") == std::string::npos; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));  // until the first test has ended
@@ -240,10 +240,10 @@ TEST(StressCommand, InterruptedItKeepsTheFiguresThatItHas) {
   EXPECT_EQ(outcome.code, 130);
   EXPECT_NE(outcome.err.find("interrupted: "), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find(path), std::string::npos) << outcome.err;
-  const json figures = json::parse(contents(path));
-  EXPECT_EQ(figures["interrupted"], true);
-  EXPECT_GE(figures["tests"].size(), 1u);
-  EXPECT_TRUE(figures["derivatives"].empty());
+  const json report = json::parse(contents(path));
+  EXPECT_EQ(report["interrupted"], true);
+  EXPECT_GE(report["tests"].size(), 1u);
+  EXPECT_TRUE(report["derivatives"].empty());
 }
 
 }  // namespace

@@ -108,7 +108,7 @@ TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
 }
 
 // The scene has five steps and one test camera.
-TEST_F(Experiment, FiguresOfSomeStepsOfTheVideo) {
+TEST_F(Experiment, MetricsOfSomeStepsOfTheVideo) {
   ASSERT_EQ(experiment(file("metrics = [\"psnr@1-2\", \"psnr\", \"psnr@3-9\"]")).code, 0);
   const Json row = read(out("/table.json"))["rows"][1];
   double mean = 0;

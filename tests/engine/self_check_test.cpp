@@ -17,11 +17,11 @@ TEST(SelfCheck, PassesOnTheTestDeviceInBothWorkGroupShapes) {
     const SelfCheck rows = self_check(queue);
     EXPECT_EQ(rows.size(), 6u);
     for (const auto& row : rows)
-      EXPECT_TRUE(row.passed) << row.name << ": " << row.figure << ", at most " << row.bound;
+      EXPECT_TRUE(row.passed) << row.name << ": " << row.value << ", at most " << row.bound;
   }
 }
 
-TEST(SelfCheck, FigureAboveItsBoundOrNotANumberFails) {
+TEST(SelfCheck, ValueAboveItsBoundOrNotANumberFails) {
   EXPECT_TRUE(self_check_row("equal", 3, 3).passed);
   EXPECT_FALSE(self_check_row("above", 3.1, 3).passed);
   EXPECT_FALSE(self_check_row("NaN", std::numeric_limits<double>::quiet_NaN(), 3).passed);

@@ -35,7 +35,7 @@ TEST(Evaluate, FindsNoErrorInTheModelThatDrewTheImages) {
   EXPECT_NEAR(evaluation.mean.psnr_dynamic, 58.9, 1);
 }
 
-TEST(Evaluate, HasNoFlowFiguresWhereNoFlowLeads) {
+TEST(Evaluate, HasNoFlowMetricsWhereNoFlowLeads) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   const Evaluation evaluation = evaluated(queue, scene, scene.truth);
@@ -256,13 +256,13 @@ TEST(Evaluate, FindsTheSameWithFlowThatTrainingKeptAsWithout) {
   const Evaluation with = kept.evaluated(queue);
   EXPECT_EQ(with.flow_reference, "dis");
   EXPECT_TRUE(with.trained_on);
-  size_t figures = 0;
+  size_t compared = 0;
   for (size_t i = 0; i < with.views.size(); ++i)
     if (std::isfinite(without.views[i].flow_epe)) {
       EXPECT_EQ(with.views[i].flow_epe, without.views[i].flow_epe) << i;
-      ++figures;
+      ++compared;
     }
-  EXPECT_EQ(figures, 12u);  // three cameras, four pairs of steps
+  EXPECT_EQ(compared, 12u);  // three cameras, four pairs of steps
 }
 
 TEST(Evaluate, ReadsTheFlowThatIsKept) {

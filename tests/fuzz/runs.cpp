@@ -185,7 +185,7 @@ void bench_report(const uint8_t* bytes, size_t size) {
     const bench::Json report = bench::read_report(path, "raster");
     bench::text_of(report, "device");
     for (const auto& [name, row] : report["rows"].items())
-      bench::figure_of(report["rows"], name, "wall [ms]");
+      bench::value_in(report["rows"], name, "wall [ms]");
   });
 }
 void bench_report_seeds(const std::string& to) {

@@ -100,10 +100,10 @@ TEST_P(AdamTest, FollowsTheReferenceInDoubleWithRowsSeenNowAndThen) {
         if (!seen[row]) continue;
         if (!first[row]) first[row] = last[row] = t;
         const unsigned missed = t == last[row] ? 0 : t - last[row] - 1;
-        const AdamRow figures = adam_row(config, t - first[row] + 1, missed);
+        const AdamRow factors = adam_row(config, t - first[row] + 1, missed);
         for (size_t i = row * width; i < (row + 1) * width; ++i)
           reference[i] = adam_update(reference[i], grads[i],
-                                     {config.beta1, config.beta2, rate.lr, rate.epsilon}, figures);
+                                     {config.beta1, config.beta2, rate.lr, rate.epsilon}, factors);
         last[row] = t;
       }
     }

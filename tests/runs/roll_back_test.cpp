@@ -90,9 +90,9 @@ TEST_F(Broken, GoesBackToTheCheckpointWithHalfTheRates) {
   auto kept = training.bits(queue);
   break_colours();
   training.steps(queue, 1);
-  const StepReport figures = training.trainer.report(queue);
-  ASSERT_FALSE(is_finite_report(figures, {}));
-  EXPECT_EQ(roll_back.roll_back(21, figures, notice), 20);
+  const StepReport report = training.trainer.report(queue);
+  ASSERT_FALSE(is_finite_report(report, {}));
+  EXPECT_EQ(roll_back.roll_back(21, report, notice), 20);
   EXPECT_NE(notice.find("rolled back to step 20"), std::string::npos) << notice;
   EXPECT_EQ(training.trainer.rate_scale(), 0.5f);
   auto now = training.bits(queue);
@@ -141,11 +141,11 @@ TEST_F(Broken, WhatIsSoundIsSavedWhereMemoryEnds) {
 
 TEST_F(Broken, EndsAfterThreeReturnsAndKeepsTheStateItCameTo) {
   checkpoints.write(0, 0);
-  StepReport figures;
-  figures.loss = std::nan("");
-  for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.roll_back(9, figures, notice), 0);
+  StepReport report;
+  report.loss = std::nan("");
+  for (int k = 0; k < RollBack::most; ++k) EXPECT_EQ(roll_back.roll_back(9, report, notice), 0);
   EXPECT_EQ(training.trainer.rate_scale(), 0.125f);
-  expect_error([&] { roll_back.roll_back(9, figures, notice); },
+  expect_error([&] { roll_back.roll_back(9, report, notice); },
                {"the loss is NaN at step 9", "3 rollbacks to step 0", "lr.", "broken.npz"});
   EXPECT_EQ(read_checkpoint(run.path("broken.npz")).facts.step, 9);
   EXPECT_EQ(run.checkpoints().steps(), std::vector<int>{0});
@@ -158,9 +158,9 @@ TEST_F(Broken, ValuesThatAreNoNumbersAreNamedAndNotSaved) {
   training.model.parameters["means"].values.fill_range(queue, 3, 1, HUGE_VALF);
   roll_back.save_if_finite(20, 0, before);
   EXPECT_TRUE(run.checkpoints().steps().empty());
-  StepReport figures = training.trainer.report(queue);
-  figures.non_finite = non_finite_array(training.trainer.state(queue));
-  expect_error([&] { roll_back.roll_back(20, figures, notice); },
+  StepReport report = training.trainer.report(queue);
+  report.non_finite = non_finite_array(training.trainer.state(queue));
+  expect_error([&] { roll_back.roll_back(20, report, notice); },
                {"gaussians/means contains NaN or Inf at step 20", "broken.npz"});
 }
 

@@ -68,9 +68,9 @@ TEST(RunRecords, MetricsThatNobodyWritesEndTheLogInLittleMemory) {
 TEST(RunRecords, TheTableOfMetricsIsMendedFromTheirLines) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  StepReport figures;
-  figures.terms = {{"flow_loss", std::nan(""), ""}, {"psnr", 1.0 / 3, ""}};
-  for (const int iteration : {0, 10}) run.append_metrics(iteration, 1.25, figures);
+  StepReport report;
+  report.terms = {{"flow_loss", std::nan(""), ""}, {"psnr", 1.0 / 3, ""}};
+  for (const int iteration : {0, 10}) run.append_metrics(iteration, 1.25, report);
   const std::string lines = contents(run.path("metrics.jsonl"));
   const std::string table = contents(run.path("metrics.csv"));
   for (const size_t left : {table.size() - 7, size_t{0}}) {
@@ -82,7 +82,7 @@ TEST(RunRecords, TheTableOfMetricsIsMendedFromTheirLines) {
   std::filesystem::remove(run.path("metrics.jsonl"));
   run.keep_metrics_before(20);  // nothing to repair it from
   EXPECT_FALSE(std::filesystem::exists(run.path("metrics.csv")));
-  run.append_metrics(20, 1, figures);
+  run.append_metrics(20, 1, report);
   EXPECT_EQ(contents(run.path("metrics.csv")).rfind("iteration,", 0), 0u);
 }
 
@@ -155,7 +155,7 @@ TEST(RunRecords, ResultsNameTheNetworksThatEvaluated) {
   EXPECT_TRUE(test["clip_model"].is_string());
 }
 
-TEST(RunRecords, PerViewFiguresStandUnderTheNamesOfTheViews) {
+TEST(RunRecords, PerViewMetricsAreUnderTheNamesOfTheViews) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
   run.write_results(some_evaluation(), "test", {}, {}, 1);
@@ -229,9 +229,9 @@ TEST(RunRecords, FactsThatCannotBeReadAreAnError) {
 TEST(RunRecords, MetricsAreOneObjectALineAndStartAgainWithATraining) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  StepReport figures;
-  figures.terms = {{"flow_loss", std::nan(""), ""}, {"psnr", 20, ""}};
-  for (const int iteration : {0, 100, 0, 100, 200}) run.append_metrics(iteration, 1, figures);
+  StepReport report;
+  report.terms = {{"flow_loss", std::nan(""), ""}, {"psnr", 20, ""}};
+  for (const int iteration : {0, 100, 0, 100, 200}) run.append_metrics(iteration, 1, report);
   std::ifstream in(run.path("metrics.jsonl"));
   std::vector<OrderedJson> lines;
   for (std::string line; std::getline(in, line);) lines.push_back(OrderedJson::parse(line));

@@ -29,7 +29,7 @@ TEST_P(Stress, KeepsItsBounds) {
   EXPECT_FALSE(rows.empty());
   for (const stress::Row& row : rows)
     EXPECT_TRUE(stress::passed(row))
-        << row.condition << ": " << row.figure << " exceeds " << row.bound;
+        << row.condition << ": " << row.value << " exceeds " << row.bound;
 }
 
 INSTANTIATE_TEST_SUITE_P(Numerics, Stress, testing::ValuesIn(quick_tests()),

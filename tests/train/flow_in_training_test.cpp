@@ -89,18 +89,18 @@ TEST_F(FlowInTraining, CountsInEverySecondStepOfStiffPathsAndInEachOfOthers) {
 TEST_F(FlowInTraining, TheLossThatIsToldIsByTheWeight) {
   TrainOptions config = small_config(scene(), 40);
   config.flow.low_motion = 1;
-  const auto first_figures = [&](int every) {
+  const auto first_report = [&](int every) {
     config.flow.every = every;
     SmallTraining training(queue(), config);
     training.trainer.set_rate_scale(0);
-    StepReport figures;
-    for (int i = 0; i < 40 && !(figures.value("flow_epe") > 0); ++i) {
+    StepReport report;
+    for (int i = 0; i < 40 && !(report.value("flow_epe") > 0); ++i) {
       training.steps(queue(), 1);
-      figures = training.trainer.report(queue());
+      report = training.trainer.report(queue());
     }
-    return figures;
+    return report;
   };
-  const StepReport each = first_figures(1), fifth = first_figures(5);
+  const StepReport each = first_report(1), fifth = first_report(5);
   ASSERT_GT(each.value("flow_loss"), 0);
   EXPECT_EQ(each.value("flow_epe"), fifth.value("flow_epe"));
   EXPECT_NEAR(each.value("flow_loss"), fifth.value("flow_loss"), 1e-6 * each.value("flow_loss"));
@@ -115,14 +115,14 @@ TEST_F(FlowInTraining, AStepWithoutShowsThatOfTheStepBeforeAlsoWhenResumed) {
   for (int done = 20; done < 28; ++done) {  // steps with and without flow
     const Arrays state = training.trainer.state(queue());
     training.steps(queue(), 1);
-    const StepReport figures = training.trainer.report(queue());
-    EXPECT_GT(figures.value("flow_epe"), 0);
+    const StepReport report = training.trainer.report(queue());
+    EXPECT_GT(report.value("flow_epe"), 0);
     other.go_on(queue(), state, done);
     other.steps(queue(), 1);
     const StepReport resumed = other.trainer.report(queue());
-    EXPECT_EQ(figures.value("flow_epe"), resumed.value("flow_epe"));
-    EXPECT_EQ(figures.value("flow_loss"), resumed.value("flow_loss"));
-    EXPECT_EQ(figures.loss, resumed.loss);
+    EXPECT_EQ(report.value("flow_epe"), resumed.value("flow_epe"));
+    EXPECT_EQ(report.value("flow_loss"), resumed.value("flow_loss"));
+    EXPECT_EQ(report.loss, resumed.loss);
   }
 }
 

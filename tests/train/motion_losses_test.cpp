@@ -93,7 +93,7 @@ TEST_F(MotionLossesInTraining, OfRigidityMakeNeighboursMoveTogether) {
   EXPECT_LT(misfit(1), 0.5 * misfit(1e-6f));
 }
 
-TEST_F(MotionLossesInTraining, AreInTheFiguresOfStepsThatHaveThem) {
+TEST_F(MotionLossesInTraining, AreInTheReportsOfStepsThatHaveThem) {
   TrainOptions config = small_config(scene(), 10);
   config.loss.velocity = 1;
   config.loss.motion_every = 2;

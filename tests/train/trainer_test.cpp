@@ -387,7 +387,7 @@ TEST_F(TrainerTest, PhotographsOfOneMomentTrainAModelThatStandsStill) {
   EXPECT_TRUE(is_static(after.shape, after.groups));
 }
 
-TEST_F(TrainerTest, FiguresDescribeTheLastView) {
+TEST_F(TrainerTest, ReportsDescribeTheLastView) {
   SmallTraining training(queue(), small_config(scene(), 10));
   training.steps(queue(), 1);
   const StepReport f = training.trainer.report(queue());

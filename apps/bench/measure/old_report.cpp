@@ -36,15 +36,15 @@ std::string text_of(const Json& report, const char* key) {
   return value.is_string() ? value.get<std::string>() : std::string();
 }
 
-Spread figure_of(const Json& rows, const std::string& row, const std::string& name) {
+Spread value_in(const Json& rows, const std::string& row, const std::string& name) {
   const double nan = std::nan("");
   if (!rows.contains(row) || !rows[row].is_object() || !rows[row].contains(name))
     return {nan, nan, nan};
-  const Json& figure = rows[row][name];
+  const Json& value = rows[row][name];
   const auto part = [&](const char* key) {
-    if (figure.is_number()) return figure.get<double>();
-    return figure.is_object() && figure.contains(key) && figure[key].is_number()
-               ? figure[key].get<double>()
+    if (value.is_number()) return value.get<double>();
+    return value.is_object() && value.contains(key) && value[key].is_number()
+               ? value[key].get<double>()
                : nan;
   };
   return {part("median"), part("low"), part("high")};

@@ -20,6 +20,6 @@ bool same_json(const Json& a, const Json& b);
 std::string text_of(const Json& report, const char* key);
 
 // A value of the report's rows; NaN if it is missing.
-Spread figure_of(const Json& rows, const std::string& row, const std::string& name);
+Spread value_in(const Json& rows, const std::string& row, const std::string& name);
 
 }  // namespace gflow::bench

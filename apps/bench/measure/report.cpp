@@ -24,15 +24,16 @@ std::string digits(double x) {
   return fmt::format("{:.{}f}", x, std::clamp(3 - int(std::floor(std::log10(size))), 0, 4));
 }
 
-std::string shown(const Figure& f) {
-  if (!f.spread || f.value.low == f.value.high) return digits(f.value.median);
-  return fmt::format("{} ({} - {})", digits(f.value.median), digits(f.value.low),
-                     digits(f.value.high));
+std::string shown(const Measurement& m) {
+  if (!m.spread || m.value.low == m.value.high) return digits(m.value.median);
+  return fmt::format("{} ({} - {})", digits(m.value.median), digits(m.value.low),
+                     digits(m.value.high));
 }
 
-bool same_figures(const Row& a, const Row& b) {
-  return std::equal(a.figures.begin(), a.figures.end(), b.figures.begin(), b.figures.end(),
-                    [](const Figure& x, const Figure& y) { return x.name == y.name; });
+bool same_measurements(const Row& a, const Row& b) {
+  return std::equal(a.measurements.begin(), a.measurements.end(), b.measurements.begin(),
+                    b.measurements.end(),
+                    [](const Measurement& x, const Measurement& y) { return x.name == y.name; });
 }
 
 void print_table(const std::vector<std::vector<std::string>>& lines) {
@@ -51,15 +52,18 @@ void print_table(const std::vector<std::vector<std::string>>& lines) {
 
 // Whether a value is a time to compare. Values that follow from another one, such as ns per pair or
 // a time without a spread, are not.
-bool is_time(const Figure& f) {
-  return f.spread &&
-         (f.name.find("[ms]") != std::string::npos || f.name.find("[s]") != std::string::npos);
+bool is_time(const Measurement& m) {
+  return m.spread &&
+         (m.name.find("[ms]") != std::string::npos || m.name.find("[s]") != std::string::npos);
 }
 
 // Whether a time is evaluated: in a row with CPU time only that one.
-bool is_evaluated(const Row& row, const Figure& f) {
-  const auto is_cpu = [](const Figure& x) { return is_time(x) && x.name.rfind("CPU", 0) == 0; };
-  return !row.brief && (is_cpu(f) || std::none_of(row.figures.begin(), row.figures.end(), is_cpu));
+bool is_evaluated(const Row& row, const Measurement& m) {
+  const auto is_cpu = [](const Measurement& x) {
+    return is_time(x) && x.name.rfind("CPU", 0) == 0;
+  };
+  return !row.brief &&
+         (is_cpu(m) || std::none_of(row.measurements.begin(), row.measurements.end(), is_cpu));
 }
 
 }  // namespace
@@ -104,11 +108,11 @@ void Report::print() const {
                digits(head_["peak_copy_gbs"]));
   for (size_t first = 0; first < rows_.size();) {
     std::vector<std::vector<std::string>> lines{{""}};
-    for (const Figure& f : rows_[first].figures) lines[0].push_back(f.name);
+    for (const Measurement& m : rows_[first].measurements) lines[0].push_back(m.name);
     size_t k = first;
-    for (; k < rows_.size() && same_figures(rows_[k], rows_[first]); ++k) {
+    for (; k < rows_.size() && same_measurements(rows_[k], rows_[first]); ++k) {
       lines.push_back({rows_[k].name});
-      for (const Figure& f : rows_[k].figures) lines.back().push_back(shown(f));
+      for (const Measurement& m : rows_[k].measurements) lines.back().push_back(shown(m));
     }
     print_table(lines);
     first = k;
@@ -119,12 +123,12 @@ void Report::print() const {
 Json Report::json() const {
   Json all = head_;
   for (const Row& row : rows_) {
-    Json figures = Json::object();
-    for (const Figure& f : row.figures)
-      figures[f.name] =
-          f.spread ? Json{{"median", f.value.median}, {"low", f.value.low}, {"high", f.value.high}}
-                   : Json(f.value.median);
-    all["rows"][row.name] = figures;
+    Json values = Json::object();
+    for (const Measurement& m : row.measurements)
+      values[m.name] =
+          m.spread ? Json{{"median", m.value.median}, {"low", m.value.low}, {"high", m.value.high}}
+                   : Json(m.value.median);
+    all["rows"][row.name] = values;
   }
   all["notes"] = notes_;  // also if empty, so that reports have a fixed set of keys
   return all;
@@ -139,29 +143,29 @@ std::vector<std::string> Report::compare() const {
   std::vector<std::string> only_here, only_there, worse;
   for (const Row& row : rows_) {
     if (!rows.contains(row.name)) only_here.push_back(row.name);
-    for (const Figure& f : row.figures) {
-      const Spread before = figure_of(rows, row.name, f.name);
-      const std::string name = row.name + ", " + f.name;
-      if (f.quality && std::isfinite(before.median)) {
-        const double gain = f.value.median - before.median;
-        const bool fell = gain < -kFallen && f.value.high < before.low;
+    for (const Measurement& m : row.measurements) {
+      const Spread before = value_in(rows, row.name, m.name);
+      const std::string name = row.name + ", " + m.name;
+      if (m.quality && std::isfinite(before.median)) {
+        const double gain = m.value.median - before.median;
+        const bool fell = gain < -kFallen && m.value.high < before.low;
         if (fell) worse.push_back(name);
-        lines.push_back({name, digits(before.median), digits(f.value.median),
+        lines.push_back({name, digits(before.median), digits(m.value.median),
                          fmt::format("{:+.2f} dB{}", gain, fell ? " worse" : "")});
       }
-      if (!(is_time(f) || f.error) || !(before.low > 0)) continue;
-      const auto shown = [&](const Spread& s) { return f.error ? s.median : s.low; };
-      const double ratio = shown(f.value) / shown(before);
+      if (!(is_time(m) || m.error) || !(before.low > 0)) continue;
+      const auto shown = [&](const Spread& s) { return m.error ? s.median : s.low; };
+      const double ratio = shown(m.value) / shown(before);
       const char* said = "";
       if (ratio > kGrown) {
-        if (!f.error && !is_evaluated(row, f))
+        if (!m.error && !is_evaluated(row, m))
           said = " not evaluated";
-        else if (!(f.value.low > before.high))
-          said = f.error ? " within the seeds" : " within the quartiles";
+        else if (!(m.value.low > before.high))
+          said = m.error ? " within the seeds" : " within the quartiles";
         else
-          said = f.error ? " less exact" : " slower", worse.push_back(name);
+          said = m.error ? " less exact" : " slower", worse.push_back(name);
       }
-      lines.push_back({name, digits(shown(before)), digits(shown(f.value)),
+      lines.push_back({name, digits(shown(before)), digits(shown(m.value)),
                        fmt::format("{:.3f}{}", ratio, said)});
     }
   }

@@ -13,25 +13,25 @@
 namespace gflow::bench {
 
 // A value with its unit in the name, e.g. "wall [ms]". Values measured once have no spread.
-struct Figure {
+struct Measurement {
   std::string name;
   Spread value;
   bool spread = true;
   bool error = false;    // must not grow, as times
   bool quality = false;  // [dB]; must not fall
 };
-inline Figure single(std::string name, double value) {
+inline Measurement single(std::string name, double value) {
   return {std::move(name), {value, value, value}, false};
 }
 
-inline Figure error(std::string name, double value) {
+inline Measurement error(std::string name, double value) {
   return {std::move(name), {value, value, value}, false, true};
 }
 
 // A row of values; its name is unique in the report.
 struct Row {
   std::string name;
-  std::vector<Figure> figures;
+  std::vector<Measurement> measurements;
   bool brief = false;  // too small a part of the whole to evaluate its time
 };
 // Whether a part takes less than 5 % of the whole's time.

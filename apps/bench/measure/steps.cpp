@@ -210,7 +210,7 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
   return costs;
 }
 
-std::vector<Figure> shares_of_peaks(const StepCost& cost, const Peak& peak) {
+std::vector<Measurement> shares_of_peaks(const StepCost& cost, const Peak& peak) {
   const double ms = spread_of(cost.wall).median;
   const Channels colour{false, false};
   const double flops = cost.work.pairs.blended * (forward_flops(colour) + backward_flops(colour));

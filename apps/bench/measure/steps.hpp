@@ -74,7 +74,7 @@ std::vector<StepCost> costs_of_steps(Queue& queue, const StepOptions& o,
 
 // Of the wall time of a step, as shares of the device's peaks: the operations of blending colours
 // forward and backward, and the bytes touched (pairs.hpp).
-std::vector<Figure> shares_of_peaks(const StepCost& cost, const Peak& peak);
+std::vector<Measurement> shares_of_peaks(const StepCost& cost, const Peak& peak);
 // A bar of CPU time per kind, with its quartiles.
 Plot plot_of(const std::string& name, const std::vector<Kind>& kinds,
              const std::vector<StepCost>& costs);

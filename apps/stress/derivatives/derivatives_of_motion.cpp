@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rows of the table of derivatives for motion models and motion losses.
 #include "apps/stress/derivatives/differences.hpp"
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/motion_loss.hpp"
 #include "optim/motion/motion_options.hpp"

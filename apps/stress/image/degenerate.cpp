@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "apps/stress/device_maths.hpp"
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/image/dense.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Compares a scene on the device with the dense sum over all splats at every pixel, in double.
 #pragma once
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
 

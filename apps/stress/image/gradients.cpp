@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // T34-T38: the gradient of the whole image: double against differences, device against double over
 // random scenes, each loss alone, both, and a wide image.
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
 

@@ -2,7 +2,7 @@
 // T20: the robust norm of the flow loss where squares under- and overflow, and at its knee.
 #include "shared/loss.h"
 
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/flow_loss.hpp"
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <map>
 
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/image/poisoned.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/loss/flow_loss.hpp"

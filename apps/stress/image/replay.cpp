@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // T18: whether forward and backward pass agree on the contributors of every pixel, and how far the
 // transmittance recovered in front of all splats is from 1.
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"
 

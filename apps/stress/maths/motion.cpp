@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // T12-T14, T39: the transports against the true motion of material points: spin, scaling, approach;
 // a pose learned from flow alone; a plane of splats under a rigid motion.
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/maths/moving_splat.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/reference/device_scene.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/stress/maths/moving_splat.hpp"
 
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 
 namespace gflow::stress {
 namespace {

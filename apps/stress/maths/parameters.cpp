@@ -3,7 +3,7 @@
 // the kernels of the motion models.
 #include <Eigen/Geometry>
 
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "optim/engine/posed.hpp"
 #include "optim/motion/models.hpp"

@@ -3,7 +3,7 @@
 // kappa from 1 to 1e8 and sizes from tiny to huge. Double against eigenvectors in long double,
 // device against double.
 #include "apps/stress/device_maths.hpp"
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 
 namespace gflow::stress {

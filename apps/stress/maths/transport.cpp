@@ -80,21 +80,21 @@ TransportErrors errors_of(DeviceMaths& device, int mode, const Cases& c) {
   return e;
 }
 
-struct Figure {
+struct CaseBounds {
   double length, change, flow_px, gradient;
 };
 
-Rows of_mode(Queue& queue, int mode, const std::vector<Figure>& figures) {
+Rows of_mode(Queue& queue, int mode, const std::vector<CaseBounds>& bounds) {
   Rows rows;
   DeviceMaths device(queue);
-  for (const Figure& f : figures)
+  for (const CaseBounds& b : bounds)
     for (const bool mixed : {false, true}) {
-      const TransportErrors e = errors_of(device, mode, cases(f.length, f.change, 7, mixed));
+      const TransportErrors e = errors_of(device, mode, cases(b.length, b.change, 7, mixed));
       const std::string at =
-          fmt::format("{:.0f} px long, {:.0f} % change, {:.2g} px{}", f.length, 100 * f.change,
+          fmt::format("{:.0f} px long, {:.0f} % change, {:.2g} px{}", b.length, 100 * b.change,
                       quantile(e.moved, .5), mixed ? ", mixed" : "");
-      rows.push_back({at + ", flow, 99 % [px]", quantile(e.flow, .99), f.flow_px});
-      rows.push_back({at + ", gradient, 99 %", quantile(e.gradient, .99), f.gradient});
+      rows.push_back({at + ", flow, 99 % [px]", quantile(e.flow, .99), b.flow_px});
+      rows.push_back({at + ", gradient, 99 %", quantile(e.gradient, .99), b.gradient});
     }
   return rows;
 }

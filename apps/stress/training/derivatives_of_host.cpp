@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 
 #include "apps/stress/derivatives/differences.hpp"
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "apps/stress/training/request.hpp"
 #include "optim/guidance/analytic.hpp"

@@ -2,7 +2,7 @@
 // T28: scenes up to 1e6 units from the origin of their world, read, projected on the device and
 // exported.
 #include "apps/stress/device_maths.hpp"
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "apps/stress/training/far_scene.hpp"
 #include "optim/model/renderer.hpp"

@@ -4,7 +4,7 @@
 // Gaussians must not change and must be finite; gradients of shared parameters must be finite. If
 // the value is not finite, the culprit must be drawn as if absent, or without the flow that depends
 // on the value. A broken value in shared parameters affects everything; the images must be finite.
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/image/poisoned.hpp"
 #include "apps/stress/stress.hpp"
 #include "apps/stress/training/small_training.hpp"

@@ -5,7 +5,7 @@
 #include <future>
 #include <thread>
 
-#include "apps/stress/figures.hpp"
+#include "apps/stress/errors.hpp"
 #include "apps/stress/stress.hpp"
 #include "apps/stress/training/small_training.hpp"
 #include "optim/runs/roll_back.hpp"
@@ -158,14 +158,14 @@ Rows gone_back(Queue& queue) {  // T41
   for (Bits* bits : {&kept, &now}) bits->erase("caution");  // halved learning rates from here on
   training.go_on(queue, training.trainer.state(queue), back);
   training.steps(queue, steps - back);
-  const StepReport figures = training.trainer.report(queue);
+  const StepReport report = training.trainer.report(queue);
   return {
       {"non-finite loss: not detected",
        double(std::isfinite(broken.loss)) + double(is_finite_report(loss_alone, {})), 0},
       {"rolled back: steps from the checkpoint", std::fabs(double(back - saved)), 0},
       {"rolled back: bits differ from the checkpoint", double(hash(now) != hash(kept)), 0},
       {"continued to step 100: non-finite values", not_finite_in(training.trainer.state(queue)), 0},
-      {"continued to step 100: diverged", double(!is_finite_report(figures, {})), 0}};
+      {"continued to step 100: diverged", double(!is_finite_report(report, {})), 0}};
 }
 
 }  // namespace
