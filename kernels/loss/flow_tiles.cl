@@ -8,7 +8,8 @@
 #include "shared/lane_row.h"
 #include "shared/loss.h"
 
-kernel void flow_tiles(const uint width, const uint height, const float calm, const float calm_px,
+kernel void flow_tiles(const uint width, const uint height, const float low_motion,
+                       const float low_motion_px,
                        const float draw,                          // uniform in (0, 1)
                        global const float* restrict target_flow,  // [2, H, W] target flow [px]
                        global const uchar* restrict confidence,   // [H, W] 255 = full
@@ -37,6 +38,6 @@ kernel void flow_tiles(const uint width, const uint height, const float calm, co
     }
   float square = most.one[0];
   for (int k = 1; k < LANES; ++k) square = fmax(square, most.one[k]);
-  const float share = square < 0.0f ? 0.0f : flow_share(sqrt(square), calm, calm_px);
+  const float share = square < 0.0f ? 0.0f : flow_share(sqrt(square), low_motion, low_motion_px);
   tile_weights[tile] = draw <= share ? 1.0f / share : 0.0f;
 }

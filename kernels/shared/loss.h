@@ -78,9 +78,10 @@ static inline SsimPixel ssim_pixel(SsimMeans m) {
 
 // The probability that a tile counts in the flow loss of a step, then with weight 1 / share, so
 // that the expected gradient is that of all tiles. motion: the tile's fastest target flow [px];
-// calm in (0, 1]: the least share; calm_px > 0: the motion from which a tile always counts [px].
-static inline real flow_share(real motion, real calm, real calm_px) {
-  return fmin(fmax(motion / calm_px, calm), (real)1);
+// low_motion in (0, 1]: the least share; low_motion_px > 0: the motion from which a tile always
+// counts [px].
+static inline real flow_share(real motion, real low_motion, real low_motion_px) {
+  return fmin(fmax(motion / low_motion_px, low_motion), (real)1);
 }
 
 // rho(r) = sqrt(r^2 + knee^2) - knee with r = |(x, y)| and knee > 0: r^2 / (2 knee) near 0,

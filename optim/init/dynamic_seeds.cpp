@@ -30,9 +30,9 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xy
 }
 
 // Index of a static camera's frame at a time step, or -1.
-int frame_at(const StaticCamera& watcher, int step) {
-  for (size_t i = 0; i < watcher.frames.size(); ++i)
-    if (watcher.frames[i]->step == step) return int(i);
+int frame_at(const StaticCamera& static_camera, int step) {
+  for (size_t i = 0; i < static_camera.frames.size(); ++i)
+    if (static_camera.frames[i]->step == step) return int(i);
   return -1;
 }
 
@@ -113,13 +113,13 @@ StepViews views_at(const std::vector<StaticCamera>& static_cameras, int step, co
                    FrameStore& frames, const std::vector<FlowPair>& pairs, FlowStore& flows,
                    const std::map<const Frame*, size_t>& flow_of) {
   StepViews views;
-  for (const StaticCamera& watcher : static_cameras) {
-    const int k = frame_at(watcher, step);
+  for (const StaticCamera& static_camera : static_cameras) {
+    const int k = frame_at(static_camera, step);
     if (k < 0) continue;
-    const Frame* frame = watcher.frames[size_t(k)];
-    views.cameras.push_back(&watcher.camera);
+    const Frame* frame = static_camera.frames[size_t(k)];
+    views.cameras.push_back(&static_camera.camera);
     views.images.push_back(frames.rgb(*frame));
-    views.changed.push_back(changed_pixels(*views.images.back(), watcher.usual));
+    views.changed.push_back(changed_pixels(*views.images.back(), static_camera.usual));
     views.time = frame->time;
     const auto found = flow_of.find(frame);
     views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));

@@ -114,11 +114,11 @@ std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
     if (const auto alpha = store.alpha(frame)) parts.back() = around_object(store, frame, *alpha);
   }
   if (scene.has_alpha) return parts;
-  for (const StaticCamera& watcher : static_cameras)
-    for (size_t i = 0; i < watcher.frames.size(); ++i)
-      parts[size_t(watcher.frames[i] - scene.train.data())] =
-          around(changed_pixels(*store.rgb(*watcher.frames[i]), watcher.usual),
-                 watcher.camera.width, watcher.camera.height, 0);
+  for (const StaticCamera& static_camera : static_cameras)
+    for (size_t i = 0; i < static_camera.frames.size(); ++i)
+      parts[size_t(static_camera.frames[i] - scene.train.data())] =
+          around(changed_pixels(*store.rgb(*static_camera.frames[i]), static_camera.usual),
+                 static_camera.camera.width, static_camera.camera.height, 0);
   return parts;
 }
 

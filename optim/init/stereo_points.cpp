@@ -49,8 +49,8 @@ std::vector<Eye> eyes_of(const Scene& scene, FrameStore& frames,
                          const std::vector<StaticCamera>& static_cameras) {
   std::vector<Eye> eyes;
   if (static_cameras.size() > 1) {
-    for (const StaticCamera& watcher : static_cameras)
-      eyes.push_back(eye_of(watcher.camera, watcher.usual));
+    for (const StaticCamera& static_camera : static_cameras)
+      eyes.push_back(eye_of(static_camera.camera, static_camera.usual));
     return eyes;
   }
   for (const Frame& frame : scene.train)

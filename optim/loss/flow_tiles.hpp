@@ -23,8 +23,8 @@ class FlowTiles {
   FlowTiles(Queue& queue, const LowMotionRule& rule);
 
   // Weights [tiles], row by row, of an image of width x height: 0, or 1 / probability. Tiles in
-  // which no pixel has confidence get 0. target flow, the target flow, [2, H, W] [px]; confidence
-  // [H, W] with 255 = 1. The same seed gives the same choice.
+  // which no pixel has confidence get 0. target_flow: [2, H, W] [px]; confidence: [H, W] with
+  // 255 = 1. The same seed gives the same choice.
   const Buffer<float>& choose(Queue& queue, uint32_t seed, int width, int height,
                               const Buffer<float>& target_flow, const Buffer<cl_uchar>& confidence);
 

@@ -46,8 +46,8 @@ TEST_F(FlowInTraining, TheLossOfSomeTilesIsThatOfAllInTheMean) {
   config.flow.low_motion_px = 1e6f;  // all tiles are low-motion
   config.flow.every = 1;
   int asked = 0;
-  const auto mean_loss = [&](float calm) {
-    config.flow.low_motion = calm;
+  const auto mean_loss = [&](float low_motion) {
+    config.flow.low_motion = low_motion;
     SmallTraining training(queue(), config);
     training.trainer.set_rate_scale(0);
     double sum = 0;
