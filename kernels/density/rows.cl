@@ -5,23 +5,23 @@
 // New rows from old, in tables of `keys` rows per Gaussian, for n new and old_n old Gaussians:
 //   fresh[k, j, c] = old[k, source[j], c]
 // With `only_old`, rows of children (child[j] > 0) and of static sources become 0. A source from
-// old_n on is static, without a row: it gives rest_rows[source[j], c] if has_rest_rows, or else
-// `rest`.
+// old_n on is static, without a row: it gives static_source[source[j], c] if has_static_source,
+// or else `static_value`.
 kernel void rows_gather(const uint keys, const uint n, const uint old_n, const uint width,
-                        const int only_old, const float rest, const int has_rest_rows,
+                        const int only_old, const float static_value, const int has_static_source,
                         global const uint* restrict source, global const uint* restrict child,
-                        global const float* old, global const float* rest_rows,
+                        global const float* old, global const float* static_source,
                         global float* restrict fresh) {
   const size_t at = get_global_id(0), row = at / width;
   if (row >= (size_t)keys * n) return;
   const uint j = row % n, k = row / n, from = source[j], c = at % width;
-  float value = rest;
+  float value = static_value;
   if (only_old && (child[j] || from >= old_n))
     value = 0.f;
   else if (from < old_n)
     value = old[((size_t)k * old_n + from) * width + c];
-  else if (has_rest_rows)
-    value = rest_rows[(size_t)from * width + c];
+  else if (has_static_source)
+    value = static_source[(size_t)from * width + c];
   fresh[at] = value;
 }
 

@@ -107,12 +107,12 @@ kernel void static_decide(const uint n, const uint moving, const float most, con
 // their static pose. A quaternion keeps its length, on which its effective learning rate depends.
 kernel void static_settle(const uint n, const uint moving, const uint old_moving,
                           global const uint* restrict source,
-                          global const float* restrict rest_means,  // [old_moving, 3]
-                          global const float* restrict rest_quats,  // [old_moving, 4]
+                          global const float* restrict static_means,  // [old_moving, 3]
+                          global const float* restrict static_quats,  // [old_moving, 4]
                           global float* restrict means, global float* restrict quats) {
   const uint i = moving + get_global_id(0);
   if (i >= n || source[i] >= old_moving) return;
   const float4 q = vload4(i, quats);
-  store3(means, i, load3(rest_means, source[i]));
-  vstore4(vload4(source[i], rest_quats) * sqrt(dot(q, q)), i, quats);
+  store3(means, i, load3(static_means, source[i]));
+  vstore4(vload4(source[i], static_quats) * sqrt(dot(q, q)), i, quats);
 }

@@ -157,9 +157,9 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
     if (tiles_touched[entry] == 0) continue;
     const uint i = view_row(entry, rows);
     float weights[MAX_BASES], v_weights[MAX_BASES];
-    const Canonical rest = load_canonical(i, CANONICAL_ROWS);
+    const Canonical canonical = load_canonical(i, CANONICAL_ROWS);
     const Canonical g =
-        i < moving ? follow(i, rest, bases, basis_logits, poses, pivots, weights) : rest;
+        i < moving ? follow(i, canonical, bases, basis_logits, poses, pivots, weights) : canonical;
     Canonical v = shifted_vjp(g, no_shift(), t, load3(v_means_at, entry),
                               load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
     const int fresh = first && !seen[i];
@@ -168,18 +168,18 @@ kernel void bases_bwd(const uint n, const uint moving, const uint length, const 
       put_canonical(i, v, fresh, V_CANONICAL_ROWS);
       continue;
     }
-    // g.quat = blend * rest.quat
-    const real4 v_turn = quat_mul(v.quat, quat_conj(rest.quat)), v_quat = v.quat;
+    // g.quat = blend * canonical.quat
+    const real4 v_turn = quat_mul(v.quat, quat_conj(canonical.quat)), v_quat = v.quat;
     const real3 v_mean = v.mean;
     real4 blend = make_real4(1.f, 0.f, 0.f, 0.f);
     float mean_v = 0.f;  // weighted mean of v_weights
     for (int b = 0; b < bases; ++b) {
       const BasisPose p = load_pose(b, poses, pivots);
-      const BasisPose v_p = basis_pose_vjp(p, weights[b], rest.mean, v_mean, v_turn);
+      const BasisPose v_p = basis_pose_vjp(p, weights[b], canonical.mean, v_mean, v_turn);
       const Mat3 r = quat_to_rotmat(p.quat);
       v.mean += (mat3_transposed_times(r, v_mean) - v_mean) * weights[b];
       blend += basis_turn(p) * weights[b];
-      v_weights[b] = dot(v_mean, basis_shift(p, rest.mean)) + dot(v_turn, basis_turn(p));
+      v_weights[b] = dot(v_mean, basis_shift(p, canonical.mean)) + dot(v_turn, basis_turn(p));
       mean_v += weights[b] * v_weights[b];
       float* sum = sums + POSE * b;
       // A broken Gaussian keeps its non-finite gradient, but must not affect the shared bases.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Distance of a Gaussian from a static one, in standard deviations: whether it needs motion at all.
-#ifndef GFLOW_REST_H
-#define GFLOW_REST_H
+#ifndef GFLOW_STATIC_DETECTION_H
+#define GFLOW_STATIC_DETECTION_H
 #include "shared/quat.h"
 
 // Unit quaternion of a matrix near a rotation, from its largest component (Shepperd 1978).
@@ -29,15 +29,15 @@ static inline Mat3 relative_factor(Mat3 rotation, real3 scales, Mat3 factor) {
   return m;
 }
 
-// d = |S^-1 R^T (mean - rest)| + |S^-1 R^T L - I|, in standard deviations: the distance of a
-// Gaussian with `mean` and factor L from a static one with mean `rest` and factor R S. To first
+// d = |S^-1 R^T (mean - static_mean)| + |S^-1 R^T L - I|, in standard deviations: the distance of a
+// Gaussian with `mean` and factor L from a static one with `static_mean` and factor R S. To first
 // order its density exp(-|z|^2 / 2) differs nowhere by more than .74 d: the shift changes it by
 // |z| exp(-|z|^2 / 2) <= .61 times the first term, the change of the factor by
 // |z|^2 exp(-|z|^2 / 2) <= .74 times the second.
-static inline real distance_from_static(real3 rest, real4 quat, real3 scales, real3 mean,
+static inline real distance_from_static(real3 static_mean, real4 quat, real3 scales, real3 mean,
                                         Mat3 factor) {
   const Mat3 rotation = quat_to_rotmat(quat_normalize(quat).q);
-  const real3 d = mat3_transpose_mul_vec(rotation, mean - rest);
+  const real3 d = mat3_transpose_mul_vec(rotation, mean - static_mean);
   const real3 shift = make_real3(d.x / scales.x, d.y / scales.y, d.z / scales.z);
   const Mat3 m =
       mat3_add(relative_factor(rotation, scales, factor), mat3_scale(mat3_identity(), (real)-1));

@@ -22,10 +22,12 @@ void RowMover::gather(Queue& queue, const Parameters& p, size_t keys, const Buff
     const ParameterGroup& group = from.groups[g];
     const size_t rows = to.rows_of(spec);
     const auto values = [&](bool only_old, const Buffer<float>& old, Buffer<float>& fresh) {
-      const Buffer<float>& rest_rows = spec.rest_of.empty() ? old : p[spec.rest_of].values;
+      const Buffer<float>& static_source =
+          spec.static_source.empty() ? old : p[spec.static_source].values;
       rows_gather_(queue, Range::over(rows * spec.width), k, cl_uint(rows / keys),
                    cl_uint(from.rows_of(spec) / keys), cl_uint(spec.width), int(only_old),
-                   spec.rest, int(!spec.rest_of.empty()), source, child, old, rest_rows, fresh);
+                   spec.static_value, int(!spec.static_source.empty()), source, child, old,
+                   static_source, fresh);
     };
     values(false, group.values, to.groups[g].values);
     if (group.remembers()) {

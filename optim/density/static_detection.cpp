@@ -23,8 +23,8 @@ void StaticDetection::see(Queue& queue, const Parameters& p, const ViewRows& row
                           const Buffer<cl_uint>& tiles_touched, float t,
                           const Buffer<float>& v_means, const float* t2,
                           const Buffer<float>& v_means_t2, bool stood_still) {
-  const size_t resting = p.count - p.moving;
-  if (resting == 0) return;
+  const size_t static_count = p.count - p.moving;
+  if (static_count == 0) return;
   start_pulls(queue, p);
   static_pull_(queue, Range::over(rows.count() - rows.moving()), cl_uint(rows.count()),
                cl_uint(rows.moving()), cl_uint(p.moving), t, t2 ? *t2 : t,
@@ -35,8 +35,8 @@ void StaticDetection::see(Queue& queue, const Parameters& p, const ViewRows& row
 const Buffer<cl_uint>& StaticDetection::refine(Queue& queue, Parameters& p, Motion& motion,
                                                const StaticRule& rule) {
   const size_t m = p.moving;
-  Buffer<float> means(queue, 3 * m, "rest means"), quats(queue, 4 * m, "rest quats");
-  Buffer<float> factors(queue, 9 * m, "rest factors"), weights(queue, m, "rest weights");
+  Buffer<float> means(queue, 3 * m, "static means"), quats(queue, 4 * m, "static quats");
+  Buffer<float> factors(queue, 9 * m, "static factors"), weights(queue, m, "static weights");
   Buffer<float> travel(queue, m, "travel");
   Buffer<cl_uint> moments(queue, m, "moments"), moves(queue, p.count, "moves");
   for (Buffer<float>* sums : {&means, &factors, &weights, &travel}) sums->fill(queue, 0.f);
@@ -72,10 +72,10 @@ const Buffer<cl_uint>& StaticDetection::refine(Queue& queue, Parameters& p, Moti
 }
 
 void StaticDetection::save_state(Queue& queue, const Parameters& p, Arrays& arrays) const {
-  const size_t resting = p.count - p.moving;
-  arrays["rest/pulls"] = {{resting, 4},
-                          pulls_known_ ? pulls_.read_range(queue, 0, 4 * resting)
-                                       : std::vector<float>(4 * resting, 0.f)};
+  const size_t static_count = p.count - p.moving;
+  arrays["rest/pulls"] = {{static_count, 4},
+                          pulls_known_ ? pulls_.read_range(queue, 0, 4 * static_count)
+                                       : std::vector<float>(4 * static_count, 0.f)};
 }
 
 void StaticDetection::load_state(Queue& queue, const Parameters& p, const Arrays& arrays,

@@ -141,9 +141,9 @@ std::vector<RenderView> split_views(const Scene& scene, const std::vector<Frame>
     RenderView view;
     view.name = frame.name;
     view.camera = cameras[size_t(frame.camera)];
-    const bool rests = cameras_of_track[frame.track].size() == 1;
+    const bool is_static = cameras_of_track[frame.track].size() == 1;
     view.movie =
-        rests && views_of_track[frame.track] >= few ? as_file_name(view.camera.name) : split;
+        is_static && views_of_track[frame.track] >= few ? as_file_name(view.camera.name) : split;
     view.time = frame.time;
     view.truth = &frame;
     const bool has_next = i + 1 < frames.size() && frames[i + 1].track == frame.track &&

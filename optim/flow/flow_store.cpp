@@ -194,8 +194,9 @@ FlowStore true_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
   for (const FlowPair& pair : pairs) {
     const Frame frame = scene.train[size_t(pair.frame)];
     const Camera camera = frames.camera(frame);
-    const bool rests = pair.next < 0 || scene.train[size_t(pair.next)].camera == frame.camera;
-    if (frame.flow_path.empty() || is_backward_in_time(scene, pair) || !rests)
+    const bool camera_is_static =
+        pair.next < 0 || scene.train[size_t(pair.next)].camera == frame.camera;
+    if (frame.flow_path.empty() || is_backward_in_time(scene, pair) || !camera_is_static)
       loaders.emplace_back();
     else
       loaders.emplace_back([=] { return read_true_flow(frame, camera.width, camera.height); });

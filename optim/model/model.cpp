@@ -141,8 +141,8 @@ void read_tables(const std::string& path, HostModel& model) {
 // because files store the motion of every one.
 std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size_t moving,
                            size_t count, const GroupSpec& spec, const HostGroups& groups) {
-  std::vector<float> all(blocks * count * spec.width, spec.rest);
-  if (!spec.rest_of.empty()) all = groups.at(spec.rest_of);
+  std::vector<float> all(blocks * count * spec.width, spec.static_value);
+  if (!spec.static_source.empty()) all = groups.at(spec.static_source);
   for (size_t k = 0; k < blocks; ++k) {
     const auto from = values.begin() + long(k * moving * spec.width);
     std::copy(from, from + long(moving * spec.width), all.begin() + long(k * count * spec.width));

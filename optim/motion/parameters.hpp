@@ -32,11 +32,11 @@ struct GroupSpec {
   std::string name;
   size_t width;
   Quantity quantity = Quantity::position;
-  int per_time = 0;     // order of the time derivative that it holds: 1 velocity, 2 acceleration
-  bool motion = false;  // holds motion only: not trained if the scene has one time step
-  bool moving = false;  // static Gaussians have no rows in it
-  float rest = 0;       // value of such a group for static Gaussians
-  std::string rest_of = "";  // group that holds these values instead; empty: none
+  int per_time = 0;        // order of the time derivative that it holds: 1 velocity, 2 acceleration
+  bool motion = false;     // holds motion only: not trained if the scene has one time step
+  bool moving = false;     // static Gaussians have no rows in it
+  float static_value = 0;  // value of such a group for static Gaussians
+  std::string static_source = "";  // group that holds these values instead; empty: none
 };
 
 // Groups that share their rows.
@@ -125,7 +125,7 @@ class Parameters : public Table {
     return all;
   }
   // Whether any rows exist for dynamic Gaussians only.
-  bool can_rest() const {
+  bool has_motion_rows() const {
     const auto own = [](const GroupSpec& spec) { return spec.moving; };
     const auto keyed = [](const TableSpec& table) { return table.keys > 0; };
     return std::any_of(specs.begin(), specs.end(), own) ||

@@ -63,17 +63,17 @@ inline BasisPose basis_pose_at(const MotionShape& shape, const Named& p, int b, 
 }
 
 inline Shifted bases_at(const MotionShape& shape, const Named& p, size_t i, double t) {
-  const Canonical rest = canonical_row(p, i);
+  const Canonical canonical = canonical_row(p, i);
   double weights[MAX_BASES];
   basis_weights(shape.bases, &p.at("basis_logits")[i * size_t(shape.bases)], weights);
   real3 shift{0, 0, 0};
   real4 turn{0, 0, 0, 0};
   for (int b = 0; b < shape.bases; ++b) {
     const BasisPose pose = basis_pose_at(shape, p, b, t);
-    shift = shift + basis_shift(pose, rest.mean) * weights[b];
+    shift = shift + basis_shift(pose, canonical.mean) * weights[b];
     turn = turn + basis_turn(pose) * weights[b];
   }
-  return shifted_at(blended(rest, shift, turn), {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}}, t);
+  return shifted_at(blended(canonical, shift, turn), {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}}, t);
 }
 
 inline Shifted hexplane_at(const MotionShape& shape, const Named& p, size_t i, double t) {

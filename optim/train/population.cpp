@@ -12,15 +12,16 @@
 namespace gflow {
 namespace {
 
-constexpr int kRestMoments = 60;  // largest number of times at which a round compares poses
+constexpr int kComparedTimes = 60;  // largest number of times at which a round compares poses
 
 // nullptr if the split is off, Gaussians have no motion of their own, or keys are trained one by
 // one: then later motion is unknown.
-std::unique_ptr<StaticDetection> rest_for(Queue& queue, const TrainOptions& config,
-                                          const Scene& scene, const Parameters& parameters) {
+std::unique_ptr<StaticDetection> static_detection_for(Queue& queue, const TrainOptions& config,
+                                                      const Scene& scene,
+                                                      const Parameters& parameters) {
   if (config.motion.static_threshold == 0 || scene.steps < 2 || config.train.sequential)
     return nullptr;
-  return parameters.can_rest() ? std::make_unique<StaticDetection>(queue) : nullptr;
+  return parameters.has_motion_rows() ? std::make_unique<StaticDetection>(queue) : nullptr;
 }
 
 DensityRule density_rule(const DensityOptions& options, const Scene& scene,
@@ -48,7 +49,7 @@ Population::Population(Queue& queue, const TrainOptions& config, const Scene& sc
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config.density, scene, model.shape)),
       order_(queue),
-      rest_(rest_for(queue, config, scene, model.parameters)) {}
+      static_detection_(static_detection_for(queue, config, scene, model.parameters)) {}
 
 void Population::see(Queue& queue, const Renderer& renderer, const Shot& shot, int width,
                      int height) {
@@ -57,11 +58,12 @@ void Population::see(Queue& queue, const Renderer& renderer, const Shot& shot, i
     density_->see(
         queue, model_.parameters,
         {width, height, renderer.rows().list(), tiles_touched, renderer.gradients().v_means2d});
-  if (!rest_) return;
+  if (!static_detection_) return;
   const float t2 = model_.time(shot.time_t2);
   const GaussianGradients& g = renderer.gradients();
-  rest_->see(queue, model_.parameters, renderer.rows(), tiles_touched, model_.time(shot.time),
-             g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2, renderer.stood_still());
+  static_detection_->see(queue, model_.parameters, renderer.rows(), tiles_touched,
+                         model_.time(shot.time), g.v_means, shot.flow ? &t2 : nullptr, g.v_means_t2,
+                         renderer.stood_still());
 }
 
 void Population::add_gradients(Queue& queue) {
@@ -105,7 +107,7 @@ bool Population::refine(Queue& queue, uint32_t seed) {
     memory_is_short(problem.what());
     return false;
   }
-  if (rest_) rest_->forget();
+  if (static_detection_) static_detection_->forget();
   if (rule.cap < density_rule_.cap && p.count >= size_t(rule.cap))
     memory_is_short(
         fmt::format("density.memory = {} MiB{} fits {} Gaussians, fewer than density.cap",
@@ -124,7 +126,8 @@ void Population::memory_is_short(const std::string& sentence) {
 // Not after the last step: a Gaussian that becomes static changes a little, and no step would
 // correct it.
 bool Population::settling(int done) const {
-  return rest_ && done % config_.motion.static_every == 0 && done < config_.train.iterations;
+  return static_detection_ && done % config_.motion.static_every == 0 &&
+         done < config_.train.iterations;
 }
 
 bool Population::settle(Queue& queue) {
@@ -132,9 +135,10 @@ bool Population::settle(Queue& queue) {
   rule.most = config_.motion.static_threshold;
   rule.wake = config_.motion.wake_threshold;
   rule.duration = model_.shape.duration;
-  rule.moments = std::clamp(scene_.steps, 2, kRestMoments);
+  rule.moments = std::clamp(scene_.steps, 2, kComparedTimes);
   try {
-    const Buffer<cl_uint>& source = rest_->refine(queue, model_.parameters, *model_.motion, rule);
+    const Buffer<cl_uint>& source =
+        static_detection_->refine(queue, model_.parameters, *model_.motion, rule);
     if (density_) density_->reorder(queue, source);
   } catch (const Error& problem) {  // continue unchanged
     if (!is_out_of_memory(problem)) throw;
@@ -153,18 +157,18 @@ bool Population::put_in_order(Queue& queue) {
     memory_is_short(problem.what());
     return false;
   }
-  if (rest_) rest_->forget();
+  if (static_detection_) static_detection_->forget();
   return true;
 }
 
 void Population::save_state(Queue& queue, Arrays& arrays) const {
   if (density_) density_->save_state(queue, arrays);
-  if (rest_) rest_->save_state(queue, model_.parameters, arrays);
+  if (static_detection_) static_detection_->save_state(queue, model_.parameters, arrays);
 }
 
 void Population::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   if (density_) density_->load_state(queue, arrays, path);
-  if (rest_) rest_->load_state(queue, model_.parameters, arrays, path);
+  if (static_detection_) static_detection_->load_state(queue, model_.parameters, arrays, path);
 }
 
 }  // namespace gflow

@@ -54,7 +54,7 @@ class Population {
   std::unique_ptr<Density> density_;  // nullptr: the number is constant
   DensityRule density_rule_;
   RowOrder order_;
-  std::unique_ptr<StaticDetection> rest_;                     // nullptr: all are dynamic
+  std::unique_ptr<StaticDetection> static_detection_;         // nullptr: all are dynamic
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // limit on the number of Gaussians
   bool memory_was_short_ = false;
   std::string notice_;

@@ -72,7 +72,7 @@ TEST(RowOrder, PutsWhatIsNotFiniteLastAndIsNotSpreadByWhatFlewAway) {
   EXPECT_TRUE(order_of({}, {}, {}, 1).empty());
 }
 
-TEST(RowOrder, KeepsWhatEachGaussianHasAndThoseThatRestLast) {
+TEST(RowOrder, KeepsWhatEachGaussianHasAndStaticOnesLast) {
   const Cloud cloud;
   Queue queue = test_queue();
   constexpr size_t moving = 2000;

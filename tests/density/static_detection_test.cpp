@@ -11,12 +11,12 @@
 namespace gflow {
 namespace {
 
-constexpr size_t RESTING = 21;
+constexpr size_t kGaussians = 21;
 
 // Every third Gaussian is dynamic.
 bool moves_in_test(size_t i) { return i % 3 == 0; }
 
-MotionShape resting_shape(MotionModelKind kind) {
+MotionShape static_shape(MotionModelKind kind) {
   MotionShape shape;
   shape.motion = kind;
   shape.hexplane.times = 16;
@@ -37,7 +37,9 @@ ViewRows all_rows_of(Queue& queue, const Parameters& p) {
 class TwoCopies {
  public:
   explicit TwoCopies(const MotionShape& shape)
-      : queue(test_queue()), all(queue, shape, RESTING, {}), split(queue, shape, RESTING, {}) {
+      : queue(test_queue()),
+        all(queue, shape, kGaussians, {}),
+        split(queue, shape, kGaussians, {}) {
     for (MotionCheck* copy : {&all, &split}) {
       Parameters& p = copy->parameters();
       for (size_t g = 0; g < p.groups.size(); ++g)
@@ -54,12 +56,12 @@ class TwoCopies {
           group.exp_avg.write(queue, own);
           group.exp_avg_sq.write(queue, own);
         }
-      std::vector<cl_uint> steps(RESTING);
-      for (size_t i = 0; i < RESTING; ++i) steps[i] = cl_uint(100 + i);
+      std::vector<cl_uint> steps(kGaussians);
+      for (size_t i = 0; i < kGaussians; ++i) steps[i] = cl_uint(100 + i);
       p.rows.steps.write(queue, steps);
     }
     std::vector<cl_uint> moves;
-    for (size_t i = 0; i < RESTING; ++i) moves.push_back(moves_in_test(i));
+    for (size_t i = 0; i < kGaussians; ++i) moves.push_back(moves_in_test(i));
     order = move(split.parameters(), moves);
   }
 
@@ -81,13 +83,15 @@ class TwoCopies {
  private:
   void stop(const Parameters& p, const GroupSpec& spec, ParameterGroup& group, size_t keys) {
     std::vector<float> values = group.values.read(queue);
-    const std::vector<float> rest =
-        spec.rest_of.empty() ? std::vector<float>{} : p[spec.rest_of].values.read(queue);
+    const std::vector<float> static_source = spec.static_source.empty()
+                                                 ? std::vector<float>{}
+                                                 : p[spec.static_source].values.read(queue);
     for (size_t k = 0; k < keys; ++k)
-      for (size_t i = 0; i < RESTING; ++i)
+      for (size_t i = 0; i < kGaussians; ++i)
         for (size_t c = 0; c < spec.width && !moves_in_test(i); ++c)
-          values[(k * RESTING + i) * spec.width + c] =
-              rest.empty() ? (spec.rest < 0 ? -200 : 0) : rest[i * spec.width + c];
+          values[(k * kGaussians + i) * spec.width + c] = static_source.empty()
+                                                              ? (spec.static_value < 0 ? -200 : 0)
+                                                              : static_source[i * spec.width + c];
     group.values.write(queue, values);
   }
 };
@@ -101,18 +105,18 @@ std::vector<T> ordered(const std::vector<T>& all, const std::vector<cl_uint>& or
   return out;
 }
 
-class RestOf : public testing::TestWithParam<MotionModelKind> {};
-INSTANTIATE_TEST_SUITE_P(Motion, RestOf,
+class StaticRows : public testing::TestWithParam<MotionModelKind> {};
+INSTANTIATE_TEST_SUITE_P(Motion, StaticRows,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases),
                          [](const auto& info) {
                            return std::string(names_of(info.param)[size_t(info.param)]);
                          });
 
-TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
-  TwoCopies made(resting_shape(GetParam()));
+TEST_P(StaticRows, StaticGaussiansAreShownAsThoseThatMoveAtNoSpeed) {
+  TwoCopies made(static_shape(GetParam()));
   ASSERT_EQ(made.split.parameters().moving, 7u);
-  const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(RESTING, 1u), "seen");
+  const Buffer<cl_uint> seen(made.queue, std::vector<cl_uint>(kGaussians, 1u), "seen");
   for (const float t : {0.f, 0.7f, 2.f}) {
     GaussiansAt all, split;
     // Opacities are compared at the rendered time, poses of all also at a second time.
@@ -121,7 +125,8 @@ TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
     made.all.motion().at(made.queue, made.all.parameters(), t, &seen, all);
     made.split.motion().at(made.queue, made.split.parameters(), t, &seen, split);
     const auto expect_same = [&](const Buffer<float>& a, const Buffer<float>& b, size_t width) {
-      EXPECT_EQ(ordered(a.read(made.queue), made.order, RESTING, width), b.read(made.queue)) << t;
+      EXPECT_EQ(ordered(a.read(made.queue), made.order, kGaussians, width), b.read(made.queue))
+          << t;
     };
     expect_same(all.means, split.means, 3);
     expect_same(all.factors, split.factors, 9);
@@ -131,34 +136,34 @@ TEST_P(RestOf, GaussiansAtRestAreShownAsThoseThatMoveAtNoSpeed) {
 
 // native4d has two quaternions, and one for static Gaussians: their gradients add up. Gradients of
 // a basis are sums over Gaussians in different orders.
-TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
-  TwoCopies made(resting_shape(GetParam()));
+TEST_P(StaticRows, GradientsAreThoseOfNoSpeed) {
+  TwoCopies made(static_shape(GetParam()));
   Queue& queue = made.queue;
   Random random(3);
   const auto numbers = [&](size_t width) {
-    std::vector<float> values(width * RESTING);
+    std::vector<float> values(width * kGaussians);
     for (float& x : values) x = float(random());
     return values;
   };
   const std::vector<float> v_means = numbers(3), v_factors = numbers(9), v_opacities = numbers(1);
   std::vector<cl_uint> touched;
-  for (size_t i = 0; i < RESTING; ++i) touched.push_back(i % 5 != 4);
+  for (size_t i = 0; i < kGaussians; ++i) touched.push_back(i % 5 != 4);
   const auto backward = [&](MotionCheck& copy, const std::vector<cl_uint>& order) {
-    const Buffer<cl_uint> tiles(queue, ordered(touched, order, RESTING, 1), "tiles");
-    const Buffer<float> m(queue, ordered(v_means, order, RESTING, 3), "v_means");
-    const Buffer<float> f(queue, ordered(v_factors, order, RESTING, 9), "v_factors");
-    const Buffer<float> o(queue, ordered(v_opacities, order, RESTING, 1), "v_opacities");
+    const Buffer<cl_uint> tiles(queue, ordered(touched, order, kGaussians, 1), "tiles");
+    const Buffer<float> m(queue, ordered(v_means, order, kGaussians, 3), "v_means");
+    const Buffer<float> f(queue, ordered(v_factors, order, kGaussians, 9), "v_factors");
+    const Buffer<float> o(queue, ordered(v_opacities, order, kGaussians, 1), "v_opacities");
     copy.motion().backward(queue, copy.parameters(), 0.4f, true, tiles, m, f, o);
     copy.motion().backward(queue, copy.parameters(), 0.9f, false, tiles, m, f, o);
   };
-  std::vector<cl_uint> identity(RESTING);
-  for (size_t i = 0; i < RESTING; ++i) identity[i] = cl_uint(i);
+  std::vector<cl_uint> identity(kGaussians);
+  for (size_t i = 0; i < kGaussians; ++i) identity[i] = cl_uint(i);
   backward(made.all, identity);
   backward(made.split, made.order);
   const Parameters& all = made.all.parameters();
   const Parameters& split = made.split.parameters();
   const std::vector<cl_uint> seen = split.rows.seen.read(queue);
-  EXPECT_EQ(ordered(all.rows.seen.read(queue), made.order, RESTING, 1), seen);
+  EXPECT_EQ(ordered(all.rows.seen.read(queue), made.order, kGaussians, 1), seen);
   for (size_t g = 0; g < all.groups.size(); ++g) {
     const GroupSpec& spec = all.specs[g];
     std::vector<float> values = all.groups[g].grads.read(queue);
@@ -180,8 +185,8 @@ TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
       if (const size_t keys = all.more_specs[t].keys) {
         std::vector<float> of_movers;
         for (size_t k = 0; k < keys; ++k) {
-          const auto from = expected.begin() + long(k * RESTING * spec.width);
-          const auto part = ordered(std::vector<float>(from, from + long(RESTING * spec.width)),
+          const auto from = expected.begin() + long(k * kGaussians * spec.width);
+          const auto part = ordered(std::vector<float>(from, from + long(kGaussians * spec.width)),
                                     made.order, split.moving, spec.width);
           of_movers.insert(of_movers.end(), part.begin(), part.end());
         }
@@ -192,36 +197,37 @@ TEST_P(RestOf, GradientsAreThoseOfNoSpeed) {
     }
 }
 
-TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
-  TwoCopies made(resting_shape(GetParam()));
+TEST_P(StaticRows, AllButTheMotionOfStaticOnesSurvivesThereAndBack) {
+  TwoCopies made(static_shape(GetParam()));
   Queue& queue = made.queue;
   Parameters& p = made.split.parameters();
   // First every other row changes between static and dynamic, then all rows become dynamic.
   std::vector<cl_uint> some;
-  for (size_t j = 0; j < RESTING; ++j) some.push_back(j % 2);
+  for (size_t j = 0; j < kGaussians; ++j) some.push_back(j % 2);
   const std::vector<cl_uint> there = made.move(p, some);
-  ASSERT_EQ(p.moving, RESTING / 2);
+  ASSERT_EQ(p.moving, kGaussians / 2);
   const std::vector<cl_uint> back =
-      ordered(there, made.move(p, std::vector<cl_uint>(RESTING, 1u)), RESTING, 1);
-  ASSERT_EQ(p.moving, RESTING);
-  const std::vector<cl_uint> order = ordered(made.order, back, RESTING, 1);
+      ordered(there, made.move(p, std::vector<cl_uint>(kGaussians, 1u)), kGaussians, 1);
+  ASSERT_EQ(p.moving, kGaussians);
+  const std::vector<cl_uint> order = ordered(made.order, back, kGaussians, 1);
   const auto always_moved = [&](size_t j) { return back[j] < 7 && some[back[j]]; };
   const Parameters& all = made.all.parameters();
-  EXPECT_EQ(ordered(all.rows.steps.read(queue), order, RESTING, 1), p.rows.steps.read(queue));
+  EXPECT_EQ(ordered(all.rows.steps.read(queue), order, kGaussians, 1), p.rows.steps.read(queue));
   const auto expect_same = [&](const GroupSpec& spec, const Buffer<float>& before,
                                const Buffer<float>& after, size_t keys, bool own, bool moments) {
     const std::vector<float> a = before.read(queue), b = after.read(queue);
     ASSERT_EQ(a.size(), b.size());
-    const std::vector<float> rest_of =
-        spec.rest_of.empty() ? std::vector<float>{} : all[spec.rest_of].values.read(queue);
+    const std::vector<float> static_source = spec.static_source.empty()
+                                                 ? std::vector<float>{}
+                                                 : all[spec.static_source].values.read(queue);
     for (size_t k = 0; k < keys; ++k)
-      for (size_t j = 0; j < RESTING; ++j)
+      for (size_t j = 0; j < kGaussians; ++j)
         for (size_t c = 0; c < spec.width; ++c) {
-          const size_t at = (k * RESTING + j) * spec.width + c;
-          float expected = a[(k * RESTING + order[j]) * spec.width + c];
+          const size_t at = (k * kGaussians + j) * spec.width + c;
+          float expected = a[(k * kGaussians + order[j]) * spec.width + c];
           if (own && !always_moved(j)) {
-            expected = spec.rest;
-            if (!rest_of.empty()) expected = rest_of[order[j] * spec.width + c];
+            expected = spec.static_value;
+            if (!static_source.empty()) expected = static_source[order[j] * spec.width + c];
             if (moments) expected = 0;
           }
           EXPECT_EQ(b[at], expected) << spec.name << " " << j;
@@ -243,7 +249,7 @@ TEST_P(RestOf, AllButTheMotionOfThoseAtRestSurvivesThereAndBack) {
 
 // Gaussians of scales 0.1, 0.2 and 0.3 in a video of length 1, with constant speed along x and
 // constant rotation about z. They always exist unless `life` is set.
-struct MadeRest {
+struct MadeStatic {
   float speed = 0, turn = 0;
   float life = 1000;
   cl_uint steps = 1000;
@@ -251,14 +257,14 @@ struct MadeRest {
 
 class StaticSpacetime {
  public:
-  explicit StaticSpacetime(const std::vector<MadeRest>& made)
+  explicit StaticSpacetime(const std::vector<MadeStatic>& made)
       : queue(test_queue()),
         motion(make_motion(queue, MotionShape{})),
         p(queue, made.size(), motion->groups()) {
     for (ParameterGroup& group : p.groups) group.values.fill(queue, 0);
     std::vector<float> means, means_t, velocities, quats, turns, log_scales;
     std::vector<cl_uint> steps;
-    for (const MadeRest& m : made) {
+    for (const MadeStatic& m : made) {
       means.insert(means.end(), {float(steps.size()), 0, 0});
       velocities.insert(velocities.end(), {m.speed, 0, 0});
       quats.insert(quats.end(), {2, 0, 0, 0});
@@ -278,7 +284,7 @@ class StaticSpacetime {
     rule.moments = 11;
     rule.most = 0.1f;
   }
-  std::vector<cl_uint> refine() { return rest.refine(queue, p, *motion, rule).read(queue); }
+  std::vector<cl_uint> refine() { return detection.refine(queue, p, *motion, rule).read(queue); }
   std::vector<float> values(const char* name) { return p[name].values.read(queue); }
 
   // A view at t with gradients pulls[i] along x for row i; all static rows are seen.
@@ -287,20 +293,20 @@ class StaticSpacetime {
     for (size_t i = 0; i < pulls.size(); ++i) v[3 * i] = pulls[i];
     const Buffer<cl_uint> touched(queue, std::vector<cl_uint>(p.count, 1u), "tiles");
     const Buffer<float> v_means(queue, v, "v_means");
-    rest.see(queue, p, all_rows_of(queue, p), touched, t, v_means, nullptr, v_means, false);
+    detection.see(queue, p, all_rows_of(queue, p), touched, t, v_means, nullptr, v_means, false);
   }
 
   Queue queue;
   std::unique_ptr<Motion> motion;
   Parameters p;
-  StaticDetection rest{queue};
+  StaticDetection detection{queue};
   StaticRule rule;
 };
 
 // Half of the path and of the rotation are on each side of the mean pose; the limit is 0.1 standard
 // deviations: 0.01 along x. A rotation by a about z moves the ends of axes s and s' by a s and a
 // s': a sqrt((s/s')^2 + (s'/s)^2) = a sqrt(4.25).
-TEST(StaticDetection, WhoTravelsAndTurnsLittleComesToRest) {
+TEST(StaticDetection, WhatTravelsAndTurnsLittleBecomesStatic) {
   StaticSpacetime made({{0.019f},
                         {0.021f},
                         {0},
@@ -315,7 +321,7 @@ TEST(StaticDetection, WhoTravelsAndTurnsLittleComesToRest) {
   EXPECT_EQ(made.values("velocities").size(), 18u);
 }
 
-TEST(StaticDetection, WhoRestsIsWhereItWasOnAverage) {
+TEST(StaticDetection, AStaticGaussianIsWhereItWasOnAverage) {
   StaticSpacetime made({{5}, {0.01f, 0.04f}});
   made.refine();
   const std::vector<float> means = made.values("means"), quats = made.values("quats");
@@ -334,7 +340,7 @@ TEST(StaticDetection, NoPlaceChangesByMoreThanTheBound) {
     const real4 q = make_real4(1 + random(), random(), random(), random());
     const real4 turned = q + make_real4(random(), random(), random(), random()) * 0.02;
     const real3 scales = make_real3(0.5 + 0.1 * i / 20000.0, 1, 1.5), mean = draw() * 0.02;
-    const real3 rest = make_real3(0, 0, 0);
+    const real3 static_mean = make_real3(0, 0, 0);
     const Mat3 l1 = factor_of(turned, scales);
     const auto density = [&](real4 quat, real3 x) {
       const real3 y = mat3_transpose_mul_vec(quat_to_rotmat(quat_normalize(quat).q), x);
@@ -342,15 +348,15 @@ TEST(StaticDetection, NoPlaceChangesByMoreThanTheBound) {
       return std::exp(-0.5 * dot(z, z));
     };
     const real3 x = draw();
-    const double change = std::fabs(density(turned, x - mean) - density(q, x - rest));
-    const double d = distance_from_static(rest, q, scales, mean, l1);
+    const double change = std::fabs(density(turned, x - mean) - density(q, x - static_mean));
+    const double d = distance_from_static(static_mean, q, scales, mean, l1);
     EXPECT_LE(change, 0.74 * d * (1 + d));
     largest = std::max(largest, change / d);
   }
   EXPECT_GT(largest, 0.4);  // the bound is not trivial
 }
 
-TEST(StaticDetection, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
+TEST(StaticDetection, GradientsThatAddUpMakeAStaticGaussianMoveAgain) {
   StaticSpacetime made({{5}, {0}, {0}, {0}});
   made.rule.wake = 4;
   made.refine();
@@ -381,16 +387,16 @@ TEST(StaticDetection, WhatPullsAtOneRestingGaussianTogetherMakesItMoveAgain) {
 // The gradient of flow for static Gaussians is part of v_means, or separate.
 TEST(StaticDetection, FlowPullsTheSameToldInBothWays) {
   const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
-    StaticSpacetime made(std::vector<MadeRest>(1));
+    StaticSpacetime made(std::vector<MadeStatic>(1));
     made.refine();
     const Buffer<cl_uint> touched(made.queue, {1}, "tiles");
     const Buffer<float> v(made.queue, {v_mean, 0, 0}, "v"),
         v_t2(made.queue, {v_mean_t2, 0, 0}, "v");
     const float t2 = 0.7f;
-    made.rest.see(made.queue, made.p, all_rows_of(made.queue, made.p), touched, 0.5f, v, &t2, v_t2,
-                  stood_still);
+    made.detection.see(made.queue, made.p, all_rows_of(made.queue, made.p), touched, 0.5f, v, &t2,
+                       v_t2, stood_still);
     Arrays arrays;
-    made.rest.save_state(made.queue, made.p, arrays);
+    made.detection.save_state(made.queue, made.p, arrays);
     return std::get<std::vector<float>>(arrays.at("rest/pulls").values);
   };
   const std::vector<float> within = pulls(3 - 2, 2, false), beside = pulls(3, 2, true);
@@ -400,7 +406,7 @@ TEST(StaticDetection, FlowPullsTheSameToldInBothWays) {
 }
 
 TEST(StaticDetection, NothingMovesAgainWhereThatIsOff) {
-  StaticSpacetime made(std::vector<MadeRest>(1));
+  StaticSpacetime made(std::vector<MadeStatic>(1));
   made.rule.wake = 0;
   made.refine();
   for (int k = 0; k < 20; ++k) made.see(1, {1});
@@ -423,7 +429,7 @@ TEST(StaticDetection, EvidenceOfDensityControlGoesWithItsRows) {
   };
   EXPECT_EQ(evidence("density/pull"), (std::vector<float>{1, 4, 6}));
   EXPECT_EQ(evidence("density/views"), (std::vector<float>{1, 2, 2}));
-  density.reorder(made.queue, made.rest.refine(made.queue, made.p, *made.motion, made.rule));
+  density.reorder(made.queue, made.detection.refine(made.queue, made.p, *made.motion, made.rule));
   EXPECT_EQ(evidence("density/pull"), (std::vector<float>{4, 1, 6}));
   EXPECT_EQ(evidence("density/views"), (std::vector<float>{2, 1, 2}));
 }

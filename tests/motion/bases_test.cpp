@@ -43,7 +43,7 @@ MotionShape shape_of(int keys, int bases) {
   return shape;
 }
 
-TEST(Bases, WeightsAreASoftmaxBesideARestOfZeroAndStandLargeLogits) {
+TEST(Bases, WeightsAreASoftmaxBesideALogitOfZeroAndStandLargeLogits) {
   const double logits[] = {1, -2, .5};
   double weights[3];
   basis_weights(3, logits, weights);

@@ -158,7 +158,7 @@ TEST(Hexplane, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   EXPECT_LT(relative_l2(whole.second, planes), 1e-5);
 }
 
-TEST(Hexplane, ANewModelRestsAndOneWeightOfTheLastLayerMovesIt) {
+TEST(Hexplane, ANewModelIsStaticAndOneWeightOfTheLastLayerMovesIt) {
   const MotionShape shape = small_shape();
   HostGroups groups;
   set_static(shape, groups, 3, 7);
@@ -221,7 +221,7 @@ TEST_P(HexplaneRule, GradientEqualsCentralDifferences) {
   EXPECT_LT(relative_l2(p["planes"].grads.read(queue), one_more), 1e-6);
 }
 
-TEST(Hexplane, ThePlanesOfARestingModelCostNothingInTimeAndAShapeThatIsNoneIsRefused) {
+TEST(Hexplane, ThePlanesOfAStaticModelCostNothingInTimeAndAShapeThatIsNoneIsRefused) {
   Queue queue = test_queue();
   MotionShape shape = small_shape();
   shape.hexplane.channels = 17;

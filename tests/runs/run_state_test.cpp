@@ -43,7 +43,7 @@ TEST_P(StateOfCheckpoint, IsTheModelThatTheDeviceHolds) {
     const HostModel read = model_of_state(model.shape, arrays, "a file");
     EXPECT_EQ(read.count, 60u);
     EXPECT_TRUE(read.groups == model.read(queue).groups) << moving;
-    EXPECT_EQ(read.groups == lively.groups, moving == 60 || !model.parameters.can_rest());
+    EXPECT_EQ(read.groups == lively.groups, moving == 60 || !model.parameters.has_motion_rows());
     Arrays less = arrays;
     less.erase("gaussians/quats");
     expect_error([&] { model_of_state(model.shape, less, "a file"); }, {"a file", "quats"});

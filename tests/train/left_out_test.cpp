@@ -58,17 +58,17 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
   const size_t there = scene.truth.count;
   const auto kinds = {MotionModelKind::spacetime, MotionModelKind::native4d,
                       MotionModelKind::keyframes};
-  for (const bool rests : {false, true})
+  for (const bool with_static : {false, true})
     for (const MotionModelKind kind : kinds) {
       TrainOptions config = small_config(scene, 200);
-      config.density.enabled = !rests;  // which moves Gaussians that became static
+      config.density.enabled = !with_static;  // which moves Gaussians that became static
       config.motion.model = choice_of(kind);
       config.motion.static_threshold = 1;
       config.motion.static_every = 60;
       config.density.every = 30;
       config.density.start = 20;
       config.flow.every = 1;
-      size_t fewest = there, most_resting = 0;
+      size_t fewest = there, most_static = 0;
       const auto state_with = [&](bool skip) {
         config.skip.culled = skip;
         SmallTraining training(queue, config);
@@ -79,13 +79,13 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
           const ViewRows& rows = training.trainer.renderer().rows();
           EXPECT_TRUE(skip || rows.count() == p.count || step % 30 == 29);
           if (skip) fewest = std::min(fewest, rows.count());
-          most_resting = std::max(most_resting, p.count - p.moving);
+          most_static = std::max(most_static, p.count - p.moving);
         }
         return training.trainer.state(queue);
       };
       const Arrays listed = state_with(true), all = state_with(false);
       EXPECT_LT(fewest, 3 * there / 4) << names_of(kind)[size_t(kind)];
-      EXPECT_EQ(most_resting > 0, rests);
+      EXPECT_EQ(most_static > 0, with_static);
       ASSERT_EQ(listed.size(), all.size());
       for (const auto& [name, array] : listed)
         EXPECT_TRUE(array.values == all.at(name).values)
@@ -114,7 +114,7 @@ TEST_F(LeftOutOfTraining, NoRowsWhereAMotionLossComparesThem) {
   for (const auto& [name, array] : listed) EXPECT_TRUE(array.values == all.at(name).values) << name;
 }
 
-TEST_F(LeftOutOfTraining, TheSecondTimeOfThoseAtRest) {
+TEST_F(LeftOutOfTraining, TheSecondTimeOfStaticOnes) {
   TrainOptions config = small_config(scene, 200);
   config.density.enabled = false;
   config.motion.static_threshold = 1;

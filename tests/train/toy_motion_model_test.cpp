@@ -9,7 +9,7 @@
 namespace gflow {
 namespace {
 
-// Gaussians at rest in a world that drifts: all share one velocity, "drift" [1, 3], along the first
+// Static Gaussians in a world that drifts: all share one velocity, "drift" [1, 3], along the first
 // `axes` axes, and are in place at the share `middle` of the video. Computed on the host.
 class Drifting : public SpacetimeMotion {
  public:

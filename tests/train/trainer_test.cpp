@@ -123,7 +123,7 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
 
 // Rounds at 60, 120 and 180: at step 130 gradients are accumulated for the next one. Density
 // control from 150 on.
-TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
+TEST_F(TrainerTest, GoesOnWithStaticOnesWithTheSameBits) {
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::native4d,
                                      MotionModelKind::keyframes, MotionModelKind::bases}) {
     TrainOptions config = small_config(scene(), 260);
@@ -149,7 +149,7 @@ TEST_F(TrainerTest, GoesOnWithThoseThatRestWithTheSameBits) {
   }
 }
 
-TEST_F(TrainerTest, WhereNobodyRestsNoBitChanges) {
+TEST_F(TrainerTest, WhereNoneIsStaticNoBitChanges) {
   TrainOptions config = small_config(scene(), 200);
   const auto before = bits_after(queue(), config, 200);
   config.motion.static_threshold = 1e-12f;
@@ -160,7 +160,7 @@ TEST_F(TrainerTest, WhereNobodyRestsNoBitChanges) {
 }
 
 // The wall becomes static, the blob does not, and the result is as good.
-TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
+TEST_F(TrainerTest, TheWallIsStaticAndTheBlobMoves) {
   TrainOptions config = small_config(scene(), 400);
   config.density.enabled = false;
   config.motion.static_threshold = 0.5f;
@@ -183,7 +183,7 @@ TEST_F(TrainerTest, TheWallRestsAndTheBlobMoves) {
   EXPECT_EQ(drawn(training.model), drawn(again));
 }
 
-TEST_F(TrainerTest, WhereMemoryIsShortARoundOfRestChangesNothing) {
+TEST_F(TrainerTest, WhereMemoryIsShortARoundOfStaticDetectionChangesNothing) {
   Queue small = test_queue();
   TrainOptions config = small_config(scene(), 300);
   config.density.enabled = false;

@@ -394,10 +394,10 @@ Derivative pull_row(Queue& queue) {
   rows.take_all(p);
   Floats found;
   for (const bool stood_still : {false, true}) {
-    StaticDetection rest(queue);
-    rest.see(queue, p, rows, seen, t, v_means, &t2, v_means_t2, stood_still);
+    StaticDetection detection(queue);
+    detection.see(queue, p, rows, seen, t, v_means, &t2, v_means_t2, stood_still);
     Arrays state;
-    rest.save_state(queue, p, state);
+    detection.save_state(queue, p, state);
     const auto& pulls = std::get<Floats>(state.at("rest/pulls").values);
     for (size_t i = 0; i < n; ++i) found.insert(found.end(), &pulls[4 * i], &pulls[4 * i] + 3);
   }

@@ -114,7 +114,7 @@ double count_not_plus_0(const Floats& values) {
 }
 
 // Rendered flow of random static Gaussians must be +0; -0 counts as an error.
-void drawn_at_rest(Queue& queue, Rows& rows) {
+void drawn_static(Queue& queue, Rows& rows) {
   PosedScene s = random_scene({400, 64, 48, 9});
   s.shot.camera_t2 = s.shot.camera;
   for (const char* name : {"means", "quats", "scales"})
@@ -156,7 +156,7 @@ Rows nothing_moved(Queue& queue) {  // T9
                     not_zero, 0});
     rows.push_back({mode_name(mode) + ", non-finite gradients", broken, 0});
   }
-  drawn_at_rest(queue, rows);
+  drawn_static(queue, rows);
   return rows;
 }
 
