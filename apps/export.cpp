@@ -212,7 +212,7 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
   if (flags.fps > 0) rule.fps = flags.fps;
   const HostModel& host = source.model;
   Queue queue = open_queue(options);
-  Model model(queue, host, Purpose::showing);
+  Model model(queue, host, Purpose::rendering);
   InterruptGuard guard;
   Progress progress("export", rule.steps, options.quiet);
   MovingSplats pieces = linear_pieces(queue, model, rule, [&] {
@@ -247,7 +247,7 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
     times = {single_time(flags)};
   }
   Queue queue = open_queue(options);
-  Model model(queue, host, Purpose::showing);
+  Model model(queue, host, Purpose::rendering);
   host.groups.clear();
   if (sequence) return export_sequence(queue, model, times, flags.output, options.quiet);
   SliceRows now(queue, model, times[0]);

@@ -220,7 +220,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   render.compare = !flags.no_compare;
 
   Queue queue = open_queue(options);
-  Model model(queue, source.model, Purpose::showing);
+  Model model(queue, source.model, Purpose::rendering);
   std::error_code problem;
   fs::create_directories(flags.output, problem);
   if (problem)

@@ -28,7 +28,7 @@ struct HostModel {
 };
 
 // Purpose of a model; without training state it takes a quarter of the memory.
-enum class Purpose { training, showing };
+enum class Purpose { training, rendering };
 
 class Model {
  public:

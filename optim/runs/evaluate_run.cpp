@@ -89,7 +89,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const TrainOptions config = evaluation_options(state.config, run.metrics_options(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
-  Model model(queue, state.model, Purpose::showing);
+  Model model(queue, state.model, Purpose::rendering);
   const bool latest = iteration == latest_iteration || iteration == iterations_of(run).back();
   const bool drawn = lock && latest && split == "test";
   const bool kept = run.has_caches_of(cache_stamp(loaded.scene, config.scene));

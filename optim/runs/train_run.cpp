@@ -216,7 +216,7 @@ Evaluation only_evaluate(RunParts& parts) {
     run.write_facts(facts);
   }
   write_first_files(run, parts);  // some settings may be others than before
-  Model model(parts.queue, state.model, Purpose::showing);
+  Model model(parts.queue, state.model, Purpose::rendering);
   parts.stop.set(interrupted_while_evaluating(run, state.iteration));
   return evaluate_result(parts, model, facts);
 }

@@ -40,30 +40,30 @@ bool is_left_out(const std::string& kernel) {
   return of_rows || some.count(kernel) > 0;
 }
 
-class Rehearsal : public OnOneScene, public testing::WithParamInterface<MotionModelKind> {};
+class WarmUp : public OnOneScene, public testing::WithParamInterface<MotionModelKind> {};
 
-TEST_P(Rehearsal, CompilesWhatAStepNeedsAndNothingBesides) {
+TEST_P(WarmUp, CompilesWhatAStepNeedsAndNothingBesides) {
   for (const bool flow : {true, false}) {
     TrainOptions config = small_config(scene(), 10);
     config.motion.model = choice_of(GetParam());
     config.flow.enabled = flow;
-    Queue rehearsing = profiling_queue(), training = profiling_queue();
-    warm_up_kernels(rehearsing, config);
+    Queue warming_up = profiling_queue(), training = profiling_queue();
+    warm_up_kernels(warming_up, config);
     SmallTraining steps(training, config);
     steps.steps(training, 4);
     steps.trainer.report(training);
 
-    const std::set<std::string> rehearsed = kernels_of(rehearsing), used = kernels_of(training);
-    EXPECT_GT(rehearsed.size(), 14u);
+    const std::set<std::string> warmed_up = kernels_of(warming_up), used = kernels_of(training);
+    EXPECT_GT(warmed_up.size(), 14u);
     for (const std::string& kernel : used)
-      EXPECT_TRUE(rehearsed.count(kernel) || is_left_out(kernel)) << kernel;
-    for (const std::string& kernel : rehearsed) EXPECT_TRUE(used.count(kernel)) << kernel;
-    for (const auto& [program, handle] : rehearsing.programs)
+      EXPECT_TRUE(warmed_up.count(kernel) || is_left_out(kernel)) << kernel;
+    for (const std::string& kernel : warmed_up) EXPECT_TRUE(used.count(kernel)) << kernel;
+    for (const auto& [program, handle] : warming_up.programs)
       EXPECT_TRUE(training.programs.count(program)) << program.substr(0, program.find('\n'));
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Models, Rehearsal,
+INSTANTIATE_TEST_SUITE_P(Models, WarmUp,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
                                          MotionModelKind::hexplane),
@@ -103,7 +103,7 @@ class CompilingAhead : public OnOneScene {
   // Starts a training and stops it, so that only its second process finishes. The training is long:
   // a training of one step may end on a busy machine before the second process, which has lower
   // priority, starts.
-  void rehearse_alone(const std::vector<std::string>& more = {}) {
+  void warm_up_alone(const std::vector<std::string>& more = {}) {
     const size_t before = marks();
     std::vector<std::string> arguments = train("stopped", "100000");
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -127,7 +127,7 @@ class CompilingAhead : public OnOneScene {
 TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
   EXPECT_EQ(gflow(train("first")).code, 0);
   EXPECT_TRUE(was_begun_since());
-  if (marks() == 0) rehearse_alone();  // the training finished first
+  if (marks() == 0) warm_up_alone();  // the training finished first
   EXPECT_EQ(gflow(train("second")).code, 0);
   EXPECT_FALSE(was_begun_since());
   EXPECT_EQ(marks(), 1u);
@@ -142,8 +142,8 @@ TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
 }
 
 TEST_F(CompilingAhead, IsDoneAnewForSettingsThatAreCompiled) {
-  rehearse_alone();
-  rehearse_alone({"--set", "skip.boxes=false"});
+  warm_up_alone();
+  warm_up_alone({"--set", "skip.boxes=false"});
 }
 
 // The second process ends with the first, however that ends, and leaves no mark of completion.
