@@ -124,7 +124,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   const Evaluation evaluation = train_run(queue, config, run, options.quiet,
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
-                                                            : Start::anew);
+                                                            : Start::fresh);
   print_report(evaluation, run.read_facts());
   print_result("model     {}\n", run.model_path(run.models().at(0)));
   if (!evaluation.views.empty())

@@ -267,7 +267,7 @@ class Pool {
                           plan_.runs[waiting_[0].first].id));
         return;
       }
-      const auto [i, anew] = *next;
+      const auto [i, starts_over] = *next;
       // The device with the fewest trainings.
       std::vector<std::string> devices = options_.devices;
       if (devices.empty()) devices.push_back("");
@@ -282,7 +282,7 @@ class Pool {
       const std::string run = RunFiles(folder_, plan_.runs[i].id).run;
       // Removed before the new settings are written: a training that is stopped early must not
       // leave the results of the previous run beside them.
-      if (anew) fs::remove_all(run);
+      if (starts_over) fs::remove_all(run);
       // Under a time limit every run computes its own caches.
       const bool fresh = !fs::exists(run) && plan_.runs[i].config.train.minutes == 0;
       for (size_t other = 0; fresh && other < plan_.runs.size(); ++other)

@@ -158,9 +158,9 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
       const double distance = double((points[k] - truth(step + 1, k)).norm());
       sums[k] += distance / later_steps;
       error.by_step[step + 1] += distance / double(tracks.points);
-      Eigen::Vector3f anew = truth(step, k);
-      carried(now, anew);
-      const double motion = double((anew - truth(step + 1, k)).norm());
+      Eigen::Vector3f restarted = truth(step, k);
+      carried(now, restarted);
+      const double motion = double((restarted - truth(step + 1, k)).norm());
       error.motion_by_step[step + 1] += motion / double(tracks.points);
       if (!tracks.seen.empty()) {
         const uint8_t now_seen = tracks.seen[step * tracks.points + k];

@@ -9,21 +9,21 @@
 
 namespace gflow {
 
-// anew: Error if the run folder holds a training. overwrite: replaces it. resume: continues from
-// its last checkpoint, or starts anew if there is none.
-enum class Start { anew, overwrite, resume };
+// fresh: Error if the run folder holds a training. overwrite: replaces it. resume: continues from
+// its last checkpoint, or starts fresh if there is none.
+enum class Start { fresh, overwrite, resume };
 
 struct RunPlan {
   enum Kind {
-    fresh,          // the folder is new, or nothing in it is worth keeping
-    replace,        // trains anew; the previous run stays until the first step is sound
-    resume,         // continues from the checkpoint
+    fresh,    // the folder is new, or nothing in it is worth keeping
+    replace,  // trains from the first step; the previous run stays until the first step is sound
+    resume,   // continues from the checkpoint
     only_evaluate,  // all steps are made: saves what is missing, and evaluates the model
   };
   Kind kind = fresh;
   std::optional<CheckpointFolder::Found> checkpoint;  // the last one of the run to resume
 
-  bool starts_anew() const { return kind == fresh || kind == replace; }
+  bool starts_fresh() const { return kind == fresh || kind == replace; }
 };
 
 // Error if the run may not be replaced, or if there are checkpoints to resume from and none is

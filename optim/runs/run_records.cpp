@@ -26,11 +26,11 @@ using OrderedJson = nlohmann::ordered_json;
 
 namespace {
 
-// Appends lines to a file, or begins it anew. Undone on failure.
-void append_lines(const std::string& file, bool anew, const std::string& lines) {
+// Appends lines to a file, or replaces its contents. Undone on failure.
+void append_lines(const std::string& file, bool replace, const std::string& lines) {
   std::error_code none;
-  const uintmax_t before = !anew && fs::exists(file) ? fs::file_size(file, none) : 0;
-  std::ofstream out(file, anew ? std::ios::trunc : std::ios::app);
+  const uintmax_t before = !replace && fs::exists(file) ? fs::file_size(file, none) : 0;
+  std::ofstream out(file, replace ? std::ios::trunc : std::ios::app);
   out << lines;
   out.flush();
   if (out) return;

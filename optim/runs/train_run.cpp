@@ -238,12 +238,12 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   if (std::filesystem::exists(run.folder())) take_folder();
   RunPlan plan = plan_run(run, config, start);
   require_inputs_elsewhere(config, run);
-  if (plan.starts_anew()) require_init_file(config);
+  if (plan.starts_fresh()) require_init_file(config);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
   if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);
-  if (plan.starts_anew()) require_first_points(scene, config.init);
+  if (plan.starts_fresh()) require_first_points(scene, config.init);
   require_metric_networks(config, scene, prepared.frames());
   const std::unique_ptr<Guidance> guidance =
       plan.kind == RunPlan::only_evaluate ? nullptr : guidance_of(config);

@@ -18,6 +18,6 @@ namespace gflow {
 // the folder, or if there is a checkpoint with other settings or another scene. extensions:
 // objectives and an observer of the caller.
 Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& run, bool quiet,
-                     Start start = Start::anew, const TrainExtensions& extensions = {});
+                     Start start = Start::fresh, const TrainExtensions& extensions = {});
 
 }  // namespace gflow

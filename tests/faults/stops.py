@@ -25,7 +25,7 @@ class Long:
         if outcome.code != 0:
             raise SystemExit(f"without a fault the training must succeed: {outcome.err}")
         self.expected = self._left()
-        self.begin_anew()
+        self.start_fresh()
 
     def _left(self):
         left = self.world.left_in(self.run)
@@ -34,7 +34,7 @@ class Long:
         del left["config.toml"]  # differs in how often it saves
         return left
 
-    def begin_anew(self):
+    def start_fresh(self):
         shutil.rmtree(self.run)
 
     def go_on(self):
@@ -52,7 +52,7 @@ class Long:
             left = self._left()
             wrong += [f"{name} is not as in a training that nothing disturbed" for name in left
                       if left[name] != self.expected[name]]
-        self.begin_anew()
+        self.start_fresh()
         return wrong
 
 

@@ -144,7 +144,7 @@ def damaged_caches(world):
             with open(os.path.join(cache, file), "wb") as out:
                 out.write(damage(data))
         wrong = as_always(world, name, {"GFLOW_CACHE_DIR": cache})
-        wrong += [f"{name}: {file} was not written anew" for file in files
+        wrong += [f"{name}: {file} was not written again" for file in files
                   if content(os.path.join(cache, file)) != content(os.path.join(good, file))]
         results.append(wrong)
     results.append(well_sealed(world, cache, good, files))
@@ -192,7 +192,7 @@ def well_sealed(world, cache, good, files):
         with open(os.path.join(cache, file), "wb") as out:
             out.write(sealed(file, b"no program at all"))
     wrong = as_always(world, "well sealed nonsense", {"GFLOW_CACHE_DIR": cache})
-    return wrong + [f"well sealed nonsense: {file} was not written anew" for file in files
+    return wrong + [f"well sealed nonsense: {file} was not written again" for file in files
                     if content(os.path.join(cache, file)) != content(os.path.join(good, file))]
 
 

@@ -47,7 +47,7 @@ TEST(RowOrderInTraining, IsThatOfTimeAndPlaceFromTheFirstStepOn) {
       EXPECT_NEAR(after.means[3 * j + axis], before.means[3 * order[j] + axis], 1e-6) << j;
 }
 
-TEST(RowOrderInTraining, IsMadeAnewAfterDensityControl) {
+TEST(RowOrderInTraining, IsMadeAgainAfterDensityControl) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
   SmallTraining training(queue, small_config(scene, 500));

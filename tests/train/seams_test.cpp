@@ -167,7 +167,7 @@ TEST_F(Seams, AnObjectiveOfOnesOwnIsTrainedAndLogged) {
   extensions.objectives = {darkness(5)};
   const RunFolder run = RunFolder::create(folder.path() + "/run");
   testing::internal::CaptureStderr();
-  train_run(queue(), config(60), run, false, Start::anew, extensions);
+  train_run(queue(), config(60), run, false, Start::fresh, extensions);
   const std::string progress = testing::internal::GetCapturedStderr();
   EXPECT_NE(progress.find("darkness 0."), std::string::npos) << progress;
   const std::string csv = contents(run.path("metrics.csv"));

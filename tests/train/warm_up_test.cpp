@@ -141,7 +141,7 @@ TEST_F(CompilingAhead, HappensOnceAndChangesNoBit) {
   EXPECT_TRUE(model("first") == model("third"));
 }
 
-TEST_F(CompilingAhead, IsDoneAnewForSettingsThatAreCompiled) {
+TEST_F(CompilingAhead, IsDoneAgainForSettingsThatAreCompiled) {
   warm_up_alone();
   warm_up_alone({"--set", "skip.boxes=false"});
 }

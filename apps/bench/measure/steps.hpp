@@ -57,7 +57,7 @@ struct StepCost {
   HostModel end;
   StepWork work;
 };
-// Number of times a training is set up anew while it is timed: step times differ by up to 8 %
+// Number of times a training is set up again while it is timed: step times differ by up to 8 %
 // between set-ups, possibly because of where buffers are in memory.
 constexpr int kMakings = 3;
 // Repeats per set-up; in total at least as many as requested.
