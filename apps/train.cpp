@@ -63,7 +63,7 @@ void print_timings(Queue& queue) {
 
 TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
   TrainOptions config;
-  if (flags.resume) RunFolder::require_no_beginning(flags.run);
+  if (flags.resume) RunFolder::require_no_pending_replacement(flags.run);
   if (flags.resume && RunFolder::is_run(flags.run))
     config = RunFolder::open(flags.run).read_config();
   const std::string command_of_run = config.guidance.command;

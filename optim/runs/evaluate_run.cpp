@@ -84,7 +84,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
                            int iteration, const std::vector<std::string>& settings) {
   const StopSentence stop("interrupted while evaluating; nothing was lost");
   const auto lock = run.lock_if_free();
-  if (lock) complete_beginning(run, *lock);
+  if (lock) complete_replacement(run, *lock);
   const RunState state = read_run_state(run, iteration);
   const TrainOptions config = evaluation_options(state.config, run.metrics_options(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);

@@ -97,14 +97,14 @@ void begin_run(const RunFolder& run, const std::function<void(const RunFolder& f
   complete(run);
 }
 
-bool is_beginning(const RunFolder& run) { return fs::exists(run.path(kRunBegun)); }
+bool is_replacement_pending(const RunFolder& run) { return fs::exists(run.path(kRunBegun)); }
 
-void complete_beginning(const RunFolder& run, const FileLock&) {
-  if (is_beginning(run)) complete(run);
+void complete_replacement(const RunFolder& run, const FileLock&) {
+  if (is_replacement_pending(run)) complete(run);
 }
 
-void complete_beginning(const RunFolder& run) {
-  if (!is_beginning(run)) return;
+void complete_replacement(const RunFolder& run) {
+  if (!is_replacement_pending(run)) return;
   if (const auto lock = run.lock_if_free()) complete(run);
 }
 

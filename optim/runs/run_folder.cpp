@@ -99,24 +99,24 @@ std::unique_ptr<FileLock> RunFolder::lock_if_free() const {
 
 bool RunFolder::is_run(const std::string& path) {
   const RunFolder run(path);
-  return fs::exists(run.path("config.toml")) || is_beginning(run) ||
+  return fs::exists(run.path("config.toml")) || is_replacement_pending(run) ||
          !run.checkpoints().steps().empty();
 }
 
-void RunFolder::require_no_beginning(const std::string& path) {
+void RunFolder::require_no_pending_replacement(const std::string& path) {
   const RunFolder run(path);
   if (!is_run(path) && fs::exists(run.path(kRunLock))) run.lock();
 }
 
 RunFolder RunFolder::open(const std::string& path) {
-  require_no_beginning(path);
+  require_no_pending_replacement(path);
   if (!is_run(path))
     throw Error(fmt::format(
         "{} is not a run folder: it has no config.toml, which `gflow train -o {}` writes", path,
         path));
   const RunFolder run(path);
   try {
-    complete_beginning(run);
+    complete_replacement(run);
   } catch (const Error& problem) {
     warn(problem.what());
   }

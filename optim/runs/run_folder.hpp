@@ -33,10 +33,9 @@ class RunFolder {
   // Whether the folder is a run: it has a config.toml, or a checkpoint, which contains one.
   static bool is_run(const std::string& path);
   // Throws FileIsLocked while another process trains there and has not written its settings yet.
-  static void require_no_beginning(const std::string& path);
-  // Opens an existing run and completes its beginning if the process was killed; warns if that
-  // fails.
-  // Error if there is no run.
+  static void require_no_pending_replacement(const std::string& path);
+  // Opens an existing run and completes a pending replacement, left by a process that was killed;
+  // warns if that fails. Error if there is no run.
   static RunFolder open(const std::string& path);
 
   // Creates the folder. Error if it cannot be made, or if it contains something and no training

@@ -187,12 +187,12 @@ Evaluation train_replacing(RunParts& parts) {
   try {
     return train_and_evaluate(parts, model, std::nullopt, {begin, true});
   } catch (const Error& problem) {
-    if (begun || is_beginning(parts.run)) throw;
+    if (begun || is_replacement_pending(parts.run)) throw;
     throw Error(fmt::format("{}; {}", problem.what(), unchanged));
   }
 }
 
-Evaluation train_on(RunParts& parts, CheckpointFolder::Found checkpoint) {
+Evaluation resume_training(RunParts& parts, CheckpointFolder::Found checkpoint) {
   prepare(parts, how_to_resume(parts.run, parts.config));
   Model model(parts.queue, shape_to_resume(checkpoint, parts.scene(), parts.config, parts.run), 0);
   const auto renew = [&] {
@@ -231,7 +231,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   const auto take_folder = [&] {
     run.make();
     lock.reset(new FileLock(run.lock()));
-    complete_beginning(run, *lock);
+    complete_replacement(run, *lock);
     run.forget_unfinished_files();
   };
   // A new folder is made only after the inputs have been checked.
@@ -258,7 +258,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   // The remaining inputs, before anything of a previous run is touched.
   for (const Frame& frame : scene.test) prepared.frames().rgb(frame);
   prepared.find_motion_masks();  // Error if the scene lacks what init.from asks for
-  if (plan.kind == RunPlan::resume) return train_on(parts, *std::move(plan.checkpoint));
+  if (plan.kind == RunPlan::resume) return resume_training(parts, *std::move(plan.checkpoint));
   return plan.kind == RunPlan::replace ? train_replacing(parts) : train_fresh(parts);
 }
 

@@ -31,7 +31,7 @@ class Replacement : public testing::Test {
   }
   // The folder as left by a process that was killed right after the run began, having removed or
   // renamed the first `done` files.
-  void kill_after_beginning(int done) const {
+  void kill_during_replacement(int done) const {
     for (const char* name : {"config.toml", "cameras.json", "input.ply"})
       folder_.write(std::string(kRunBegun) + "/" + name, "next");
     const std::vector<std::string> removed{"training.json",
@@ -57,7 +57,7 @@ class Replacement : public testing::Test {
     for (const char* name : {"notes.txt", "point_cloud/notes.txt"})
       EXPECT_TRUE(fs::exists(run_.path(name))) << name;
     EXPECT_EQ(folder_.count() - fs::exists(run_.path(kRunLock)), 5u);
-    EXPECT_FALSE(is_beginning(run_));
+    EXPECT_FALSE(is_replacement_pending(run_));
   }
 
   const std::vector<std::string> names_{"training.json",
@@ -93,7 +93,7 @@ TEST_F(Replacement, ChangesNothingIfANewFileCannotTakeItsName) {
 TEST_F(Replacement, IsCompletedByWhoeverOpensTheRunAfterAKill) {
   for (int done = 0; done <= 10; ++done) {
     for (const std::string& name : names_) folder_.write(name, "previous");
-    kill_after_beginning(done);
+    kill_during_replacement(done);
     RunFolder::open(folder_.path());
     expect_next();
     fs::remove(run_.path("cameras.json"));
@@ -113,13 +113,13 @@ TEST_F(Replacement, MayHaveNothingToReplace) {
 
 // The owner of the lock completes it: it may be doing so now.
 TEST_F(Replacement, IsCompletedUnderTheLockOnly) {
-  kill_after_beginning(0);
+  kill_during_replacement(0);
   {
     const FileLock lock = run_.lock();
-    complete_beginning(run_);
-    EXPECT_TRUE(is_beginning(run_));
+    complete_replacement(run_);
+    EXPECT_TRUE(is_replacement_pending(run_));
     EXPECT_EQ(contents(run_.path("training.json")), "previous");
-    complete_beginning(run_, lock);
+    complete_replacement(run_, lock);
   }
   expect_next();
 }

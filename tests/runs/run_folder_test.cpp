@@ -200,7 +200,7 @@ TEST(RunFolder, IsNotOpenedWhileATrainingBeginsThere) {
                  {run.folder(), "being written by process"});
   }
   expect_error([&] { RunFolder::open(run.folder()); }, {run.folder(), "no config.toml"});
-  EXPECT_NO_THROW(RunFolder::require_no_beginning(run.folder()));
+  EXPECT_NO_THROW(RunFolder::require_no_pending_replacement(run.folder()));
 }
 
 TEST(RunFolder, ConfigurationComesBack) {
