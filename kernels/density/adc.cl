@@ -10,7 +10,7 @@ kernel void adc_accumulate(const uint n, const float half_width, const float hal
                                global const uint* restrict rows,  // shared/view_rows.h
                                global const uint* restrict tiles_touched,  // [n]
                                global const float* restrict v_means2d,  // [n, 2] [1/px]
-                               global float* restrict pull,             // [N] sum of norms
+                               global float* restrict grad2d,           // [N] sum of norms
                                global float* restrict views) {          // [N] number
   const uint k = get_global_id(0);
   if (k >= n || tiles_touched[k] == 0) return;
@@ -18,7 +18,7 @@ kernel void adc_accumulate(const uint n, const float half_width, const float hal
   const float2 v = vload2(k, v_means2d) * (float2)(half_width, half_height);
   const float norm = sqrt(dot(v, v));
   if (!is_finite_real(norm)) return;
-  pull[i] += norm;
+  grad2d[i] += norm;
   views[i] += 1.f;
 }
 
@@ -28,13 +28,13 @@ kernel void adc_rank(const uint n, const float threshold, const float min_logit_
                          const float max_log_scale, const float duration, const float cutoff_sigmas,
                          global const float* restrict logit_opacities,
                          global const float* restrict log_scales,  // [N, 4]
-                         global const float* restrict means_t, global const float* restrict pull,
+                         global const float* restrict means_t, global const float* restrict grad2d,
                          global const float* restrict views, global uint* restrict copies,
                          global uint* restrict keys, global uint* restrict order) {
   const uint i = get_global_id(0);
   if (i >= n) return;
   const float4 s = vload4(i, log_scales);
-  const float mean = views[i] > 0.f ? pull[i] / views[i] : 0.f;
+  const float mean = views[i] > 0.f ? grad2d[i] / views[i] : 0.f;
   const int stays = logit_opacities[i] >= min_logit_opacity &&
                     fmax(s.x, fmax(s.y, s.z)) <= max_log_scale &&
                     is_visible_in_video(means_t[i], exp(s.w), duration, cutoff_sigmas);
@@ -77,11 +77,11 @@ kernel void adc_reset(const uint n, const float most_logit, global float* restri
 }
 
 kernel void adc_reorder(const uint n, global const uint* restrict source,
-                        global const float* restrict old_pull,
-                        global const float* restrict old_views, global float* restrict pull,
+                        global const float* restrict old_grad2d,
+                        global const float* restrict old_views, global float* restrict grad2d,
                         global float* restrict views) {
   const uint i = get_global_id(0);
   if (i >= n) return;
-  pull[i] = old_pull[source[i]];
+  grad2d[i] = old_grad2d[source[i]];
   views[i] = old_views[source[i]];
 }

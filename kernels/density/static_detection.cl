@@ -62,23 +62,23 @@ kernel void static_travel(const uint moving, global const float* restrict log_sc
 }
 
 // Adds up the gradient that a view would give the velocities of static Gaussians (rows [moving, N),
-// the rows of `pulls`): x y z the sum of the gradients, w that of their squared norms. flow 0:
-// none; 1: v_means includes the flow's part at t; 2: it does not (View::moving), and that part is
-// minus the one at t2. Processes entries [first, n) of the view (shared/view_rows.h).
-kernel void static_pull(const uint n, const uint first, const uint moving, const float t,
-                        const float t2, const int flow, global const uint* restrict rows,
-                        global const uint* restrict tiles_touched,  // [n]
-                        global const float* restrict means_t,       // [N]
-                        global const float* restrict v_means,       // [n, 3] at t
-                        global const float* restrict v_means_t2,    // [n, 3] at t2 with flow
-                        global float* restrict pulls) {             // [N - M, 4]
+// the rows of `gradient_sums`): x y z the sum of the gradients, w that of their squared norms. flow
+// 0: none; 1: v_means includes the flow's part at t; 2: it does not (View::moving), and that part
+// is minus the one at t2. Processes entries [first, n) of the view (shared/view_rows.h).
+kernel void static_accumulate(const uint n, const uint first, const uint moving, const float t,
+                              const float t2, const int flow, global const uint* restrict rows,
+                              global const uint* restrict tiles_touched,  // [n]
+                              global const float* restrict means_t,       // [N]
+                              global const float* restrict v_means,       // [n, 3] at t
+                              global const float* restrict v_means_t2,    // [n, 3] at t2 with flow
+                              global float* restrict gradient_sums) {     // [N - M, 4]
   const uint k = first + get_global_id(0);
   if (k >= n || tiles_touched[k] == 0) return;
   const uint i = view_row(k, rows);
   float3 v = load3(v_means, k) * (t - means_t[i]);
   if (flow) v += load3(v_means_t2, k) * (t2 - (flow == 2 ? t : means_t[i]));
   const float square = dot(v, v);
-  if (is_finite_real(square)) add4(pulls, i - moving, (float4)(v.x, v.y, v.z, square));
+  if (is_finite_real(square)) add4(gradient_sums, i - moving, (float4)(v.x, v.y, v.z, square));
 }
 
 // moves: 0 for Gaussians that are static from now on. A dynamic one becomes static if it made
@@ -89,14 +89,14 @@ kernel void static_pull(const uint n, const uint first, const uint moving, const
 kernel void static_decide(const uint n, const uint moving, const float most, const uint trial,
                           const float wake, global const float* restrict travel,
                           global const uint* restrict moments, global const uint* restrict steps,
-                          global const float* restrict pulls, global uint* restrict moves,
+                          global const float* restrict gradient_sums, global uint* restrict moves,
                           global uint* restrict source, global uint* restrict child) {
   const uint i = get_global_id(0);
   if (i >= n) return;
   source[i] = i;
   child[i] = 0;
   if (i >= moving) {
-    const float4 p = vload4(i - moving, pulls);
+    const float4 p = vload4(i - moving, gradient_sums);
     moves[i] = child[i] = wake > 0.f && dot(p.xyz, p.xyz) > wake * wake * p.w;
     return;
   }

@@ -18,40 +18,40 @@ AdcDensity::AdcDensity(Queue& queue)
       sort_(queue) {}
 
 void AdcDensity::forget(Queue& queue, size_t count) {
-  pull_.ensure(queue, count);
+  grad2d_.ensure(queue, count);
   views_.ensure(queue, count);
-  pull_.fill(queue, 0.f);
+  grad2d_.fill(queue, 0.f);
   views_.fill(queue, 0.f);
 }
 
 void AdcDensity::save_state(Queue& queue, Arrays& arrays) const {
-  arrays["density/pull"] = {{pull_.size()}, pull_.read(queue)};
+  arrays["density/pull"] = {{grad2d_.size()}, grad2d_.read(queue)};
   arrays["density/views"] = {{views_.size()}, views_.read(queue)};
 }
 
 void AdcDensity::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   const size_t count = array_named(arrays, "density/pull", path).size();
-  const auto& pull = exact_values<float>(arrays, "density/pull", {count}, path);
+  const auto& grad2d = exact_values<float>(arrays, "density/pull", {count}, path);
   const auto& views = exact_values<float>(arrays, "density/views", {count}, path);
   forget(queue, count);
-  pull_.write(queue, pull);
+  grad2d_.write(queue, grad2d);
   views_.write(queue, views);
 }
 
 void AdcDensity::see(Queue& queue, const Parameters& p, const DensityView& view) {
-  if (p.count != pull_.size()) forget(queue, p.count);
+  if (p.count != grad2d_.size()) forget(queue, p.count);
   const size_t n = view.rows.count_of(p);
   adc_accumulate_(queue, Range::over(n), cl_uint(n), 0.5f * float(view.width),
                   0.5f * float(view.height), view.rows.buffer(), view.tiles_touched, view.v_means2d,
-                  pull_, views_);
+                  grad2d_, views_);
 }
 
 void AdcDensity::reorder(Queue& queue, const Buffer<cl_uint>& source) {
-  const size_t count = pull_.size();
+  const size_t count = grad2d_.size();
   if (count == 0) return;  // no view was seen yet
-  Buffer<float> pull(queue, count, "pull"), views(queue, count, "views");
-  adc_reorder_(queue, Range::over(count), cl_uint(count), source, pull_, views_, pull, views);
-  pull_ = std::move(pull);
+  Buffer<float> grad2d(queue, count, "grad2d"), views(queue, count, "views");
+  adc_reorder_(queue, Range::over(count), cl_uint(count), source, grad2d_, views_, grad2d, views);
+  grad2d_ = std::move(grad2d);
   views_ = std::move(views);
 }
 
@@ -66,15 +66,15 @@ void AdcDensity::after_step(Queue& queue, Parameters& p, const GaussiansAt&,
 
 void AdcDensity::refine(Queue& queue, Parameters& p, Motion& motion, const DensityRule& rule,
                         uint32_t seed) {
-  if (pull_.size() != p.count) forget(queue, p.count);
+  if (grad2d_.size() != p.count) forget(queue, p.count);
   const cl_uint n = cl_uint(p.count);
   copies_.ensure(queue, n);
   keys_.ensure(queue, n);
   order_.ensure(queue, n);
   adc_rank_(queue, Range::over(n), n, rule.grad_threshold, logit(rule.prune_opacity),
             std::log(rule.prune_scale), rule.split.duration, window_sigmas(rule.cutoff),
-            p["logit_opacities"].values, p["log_scales"].values, p["means_t"].values, pull_, views_,
-            copies_, keys_, order_);
+            p["logit_opacities"].values, p["log_scales"].values, p["means_t"].values, grad2d_,
+            views_, copies_, keys_, order_);
   sort_.sort(queue, keys_, order_, n);
   const cl_uint allowed = cl_uint(rule.cap) > n ? cl_uint(rule.cap) - n : 0;
   adc_grow_(queue, Range::over(n), n, allowed, keys_, order_, copies_);

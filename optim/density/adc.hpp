@@ -42,7 +42,9 @@ class AdcDensity : public Density {
   RowMover rows_;
   Scan scan_;
   RadixSort sort_;
-  Buffer<float> pull_{"pull"}, views_{"views"};  // [N] sums over the views since the last round
+  // [N] since the last round: sums of the norms of the gradient of the projected mean, and the
+  // number of views.
+  Buffer<float> grad2d_{"grad2d"}, views_{"views"};
   Buffer<cl_uint> copies_{"copies"}, keys_{"density keys"}, order_{"density order"};
   Buffer<cl_uint> offsets_{"offsets"}, source_{"source"}, child_{"child"};
 };

@@ -8,15 +8,15 @@ StaticDetection::StaticDetection(Queue& queue)
       static_add_(program_, "static_add"),
       static_pose_(program_, "static_pose_of"),
       static_travel_(program_, "static_travel"),
-      static_pull_(program_, "static_pull"),
+      static_accumulate_(program_, "static_accumulate"),
       static_decide_(program_, "static_decide"),
       static_settle_(program_, "static_settle"),
       rows_(queue) {}
 
-void StaticDetection::start_pulls(Queue& queue, const Parameters& p) {
-  pulls_.ensure(queue, 4 * (p.count - p.moving));
-  if (!pulls_known_) pulls_.fill(queue, 0.f);
-  pulls_known_ = true;
+void StaticDetection::start_sums(Queue& queue, const Parameters& p) {
+  gradient_sums_.ensure(queue, 4 * (p.count - p.moving));
+  if (!sums_known_) gradient_sums_.fill(queue, 0.f);
+  sums_known_ = true;
 }
 
 void StaticDetection::see(Queue& queue, const Parameters& p, const ViewRows& rows,
@@ -25,11 +25,11 @@ void StaticDetection::see(Queue& queue, const Parameters& p, const ViewRows& row
                           const Buffer<float>& v_means_t2, bool stood_still) {
   const size_t static_count = p.count - p.moving;
   if (static_count == 0) return;
-  start_pulls(queue, p);
-  static_pull_(queue, Range::over(rows.count() - rows.moving()), cl_uint(rows.count()),
-               cl_uint(rows.moving()), cl_uint(p.moving), t, t2 ? *t2 : t,
-               t2 ? 1 + int(stood_still) : 0, rows.list().buffer(), tiles_touched,
-               p["means_t"].values, v_means, t2 ? v_means_t2 : v_means, pulls_);
+  start_sums(queue, p);
+  static_accumulate_(queue, Range::over(rows.count() - rows.moving()), cl_uint(rows.count()),
+                     cl_uint(rows.moving()), cl_uint(p.moving), t, t2 ? *t2 : t,
+                     t2 ? 1 + int(stood_still) : 0, rows.list().buffer(), tiles_touched,
+                     p["means_t"].values, v_means, t2 ? v_means_t2 : v_means, gradient_sums_);
 }
 
 const Buffer<cl_uint>& StaticDetection::refine(Queue& queue, Parameters& p, Motion& motion,
@@ -59,11 +59,11 @@ const Buffer<cl_uint>& StaticDetection::refine(Queue& queue, Parameters& p, Moti
     static_travel_(queue, Range::over(m), moving, log_scales, means, quats, at.means, at.factors,
                    at.opacities, travel);
   });
-  start_pulls(queue, p);
+  start_sums(queue, p);
   source_.ensure(queue, p.count);
   child_.ensure(queue, p.count);
   static_decide_(queue, Range::over(p.count), cl_uint(p.count), moving, rule.most, rule.trial,
-                 rule.wake, travel, moments, p.rows.steps, pulls_, moves, source_, child_);
+                 rule.wake, travel, moments, p.rows.steps, gradient_sums_, moves, source_, child_);
   rows_.move(queue, p, p.count, moves, source_, child_);
   static_settle_(queue, Range::over(p.count - p.moving), cl_uint(p.count), cl_uint(p.moving),
                  moving, source_, means, quats, p["means"].values, p["quats"].values);
@@ -74,16 +74,16 @@ const Buffer<cl_uint>& StaticDetection::refine(Queue& queue, Parameters& p, Moti
 void StaticDetection::save_state(Queue& queue, const Parameters& p, Arrays& arrays) const {
   const size_t static_count = p.count - p.moving;
   arrays["rest/pulls"] = {{static_count, 4},
-                          pulls_known_ ? pulls_.read_range(queue, 0, 4 * static_count)
-                                       : std::vector<float>(4 * static_count, 0.f)};
+                          sums_known_ ? gradient_sums_.read_range(queue, 0, 4 * static_count)
+                                      : std::vector<float>(4 * static_count, 0.f)};
 }
 
 void StaticDetection::load_state(Queue& queue, const Parameters& p, const Arrays& arrays,
                                  const std::string& path) {
-  const auto& pulls = exact_values<float>(arrays, "rest/pulls", {p.count - p.moving, 4}, path);
+  const auto& sums = exact_values<float>(arrays, "rest/pulls", {p.count - p.moving, 4}, path);
   forget();
-  start_pulls(queue, p);
-  pulls_.write(queue, pulls);
+  start_sums(queue, p);
+  gradient_sums_.write(queue, sums);
 }
 
 }  // namespace gflow

@@ -15,8 +15,8 @@ GFLOW_KERNEL_STRUCT(MotionLossRule);
 namespace gflow {
 
 // Lengths are multiples of the scene extent. Each term is a mean over all pairs of the model
-// (acceleration: over all Gaussians), in which unseen ones count as 0. So the pull on a pair does
-// not depend on how much of the model a view shows.
+// (acceleration: over all Gaussians), in which unseen ones count as 0. So the gradient of a pair
+// does not depend on how much of the model a view shows.
 struct MotionLossWeights : LossOptions {
   float extent = 1;  // of the scene [scene units]
 

@@ -66,7 +66,7 @@ std::string now_beside(const std::string& last) {
 // PaceRule::kMost. Step counts must leave room for one more step.
 bool is_finite_report(const std::string& name, const std::vector<float>& values) {
   const bool divides = ends_with(name, "/rows/reach"), paces = ends_with(name, "/rows/pace");
-  const bool counts = name.rfind("density/", 0) == 0;  // pulls and views since the last round
+  const bool counts = name.rfind("density/", 0) == 0;  // gradients and views since the last round
   const bool from_0 = divides || paces || counts || ends_with(name, "/exp_avg_sq");
   return std::all_of(values.begin(), values.end(), [&](float value) {
     return std::isfinite(value) && !(from_0 && value < 0) && !(divides && value == 0) &&

@@ -156,7 +156,7 @@ void GuidanceObjective::add_novel_views(NovelViews& views, const StepContext& co
   const std::vector<GuidanceAnswer> answers = guidance_.guide(request);
   require_usable(request, answers, guidance_.name());
 
-  pull_ = 0;
+  strength_ = 0;
   had_flow_ = false;
   // In reverse order, because the last view is still rendered.
   for (size_t i = answers.size(); i-- > 0;) {
@@ -182,7 +182,7 @@ void GuidanceObjective::set_gradients(Queue& queue, const Images& images,
       v_rgb[i] = factor * answer.gradient[i];
       sum += std::fabs(double(answer.gradient[i]));
     }
-    pull_ += double(answer.weight) * sum / (values * g.views);
+    strength_ += double(answer.weight) * sum / (values * g.views);
   }
   v_.v_rgb.ensure(queue, v_rgb.size());
   v_.v_rgb.write(queue, v_rgb);
@@ -207,7 +207,8 @@ void GuidanceObjective::set_gradients(Queue& queue, const Images& images,
 void GuidanceObjective::report(Queue& queue, const Renderer&, LossReport& report) {
   const double epe = had_flow_ ? flow_loss_.value(queue).epe : std::nan("");
   report.terms.push_back(
-      {"guidance", pull_, std::isfinite(pull_) ? fmt::format("guidance {:.4f}", pull_) : ""});
+      {"guidance", strength_,
+       std::isfinite(strength_) ? fmt::format("guidance {:.4f}", strength_) : ""});
   report.terms.push_back({"guidance_flow_epe", epe, ""});
 }
 

@@ -47,7 +47,7 @@ class GuidanceObjective : public Objective {
   ImageGradients v_;
   Buffer<float> target_flow_{"target flow of guidance"};
   Buffer<cl_uchar> confidence_{"confidence of that flow"};
-  double pull_ = std::numeric_limits<double>::quiet_NaN();
+  double strength_ = std::numeric_limits<double>::quiet_NaN();
   bool had_flow_ = false;
 };
 

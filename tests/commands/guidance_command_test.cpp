@@ -8,7 +8,7 @@
 namespace gflow {
 namespace {
 
-// A scene with images and flow of its held-out camera as known views, and a program that pulls
+// A scene with images and flow of its held-out camera as known views, and a program that guides
 // towards them. The program dies in step 30 unless the file `healthy` exists.
 class GuidanceCommand : public testing::Test {
  protected:

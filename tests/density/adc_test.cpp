@@ -18,7 +18,7 @@ namespace {
 struct Made {
   float opacity = 0.5f, scale = 0.1f, lifetime = 0.2f, mean_t = 0.5f;
   float tilt = 0;      // of its time axis towards x [rad]; its speed is the tangent of this
-  float pull = 0;      // mean gradient of the image position over views [half the image]
+  float grad2d = 0;    // mean gradient of the image position over views [half the image]
   uint32_t tiles = 1;  // 0: not seen
 };
 
@@ -63,13 +63,13 @@ class AdcField {
     parameters.rows.steps.write(queue, steps);
   }
 
-  // A view of 20 x 10 pixels with a gradient of pull / 10 per pixel along x.
+  // A view of 20 x 10 pixels with a gradient of grad2d / 10 per pixel along x.
   void see(float factor = 1, const RowList& rows = {}) {
     std::vector<uint32_t> tiles;
     std::vector<float> v_means2d;
     for (const Made& m : made_) {
       tiles.push_back(m.tiles);
-      v_means2d.insert(v_means2d.end(), {factor * m.pull / 10, 0});
+      v_means2d.insert(v_means2d.end(), {factor * m.grad2d / 10, 0});
     }
     const Buffer<cl_uint> touched(queue, tiles, "tiles");
     const Buffer<float> v(queue, v_means2d, "v_means2d");
@@ -101,15 +101,15 @@ class AdcField {
   std::vector<Made> made_;
 };
 
-Made pulled(float pull, float scale = 0.1f) {
+Made with_grad2d(float grad2d, float scale = 0.1f) {
   Made m;
-  m.pull = pull;
+  m.grad2d = grad2d;
   m.scale = scale;
   return m;
 }
 
 TEST(Adc, KeepsWhatIsSeenAndLeftInPeace) {
-  AdcField field({pulled(0), pulled(0.9f), pulled(0.5f)});
+  AdcField field({with_grad2d(0), with_grad2d(0.9f), with_grad2d(0.5f)});
   const auto before = field.values("means");
   field.see();
   field.refine();
@@ -141,7 +141,7 @@ TEST(Adc, RemovesWhatIsHugeAlongAnyAxis) {
 }
 
 // In a view of 20 x 10 pixels half the image is 10 pixels wide and 5 high.
-TEST(Adc, PullsCountByHalfTheImageAlongEachAxis) {
+TEST(Adc, GradientsCountByHalfTheImageAlongEachAxis) {
   AdcField field(std::vector<Made>(4));
   const Buffer<cl_uint> touched(field.queue, {1, 1, 1, 1}, "tiles");
   const Buffer<float> v(field.queue, {0.09f, 0, 0.11f, 0, 0, 0.18f, 0, 0.22f}, "v_means2d");
@@ -150,17 +150,17 @@ TEST(Adc, PullsCountByHalfTheImageAlongEachAxis) {
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 3, 3}));
 }
 
-TEST(Adc, MakesTwoOfWhatIsPulledAtMoreThanTheThreshold) {
-  AdcField field({pulled(0.99f), pulled(1.01f), pulled(2, 1.f), pulled(0)});
+TEST(Adc, MakesTwoOfWhatHasAGradientAboveTheThreshold) {
+  AdcField field({with_grad2d(0.99f), with_grad2d(1.01f), with_grad2d(2, 1.f), with_grad2d(0)});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 1, 2, 2, 3}));
 }
 
 TEST(Adc, ComparesTheMeanOverTheViewsThatSawIt) {
-  Made hidden = pulled(50);
+  Made hidden = with_grad2d(50);
   hidden.tiles = 0;
-  AdcField field({pulled(1.2f), pulled(1.8f), hidden});
+  AdcField field({with_grad2d(1.2f), with_grad2d(1.8f), hidden});
   field.see(1);
   field.see(0.5f);  // means: 0.9, 1.35
   field.refine();
@@ -168,7 +168,7 @@ TEST(Adc, ComparesTheMeanOverTheViewsThatSawIt) {
 }
 
 TEST(Adc, ForgetsTheEvidenceOnceUsed) {
-  AdcField field({pulled(2)});
+  AdcField field({with_grad2d(2)});
   field.see();
   field.refine();
   EXPECT_EQ(field.parameters.count, 2u);
@@ -176,9 +176,9 @@ TEST(Adc, ForgetsTheEvidenceOnceUsed) {
   EXPECT_EQ(field.parameters.count, 2u);
 }
 
-TEST(Adc, GivesTheRoomBelowTheCapToTheHardestPulls) {
+TEST(Adc, GivesTheRoomBelowTheCapToTheLargestGradients) {
   std::vector<Made> made;
-  for (const float pull : {2.f, 9.f, 3.f, 7.f, 0.f, 5.f}) made.push_back(pulled(pull));
+  for (const float grad2d : {2.f, 9.f, 3.f, 7.f, 0.f, 5.f}) made.push_back(with_grad2d(grad2d));
   AdcField field(made);
   field.rule.cap = 8;  // space for two
   field.see();
@@ -188,7 +188,7 @@ TEST(Adc, GivesTheRoomBelowTheCapToTheHardestPulls) {
 
 TEST(Adc, GrowsNothingAtOrAboveTheCap) {
   for (const size_t cap : {size_t(1), size_t(2)}) {
-    AdcField field({pulled(2), pulled(3)});
+    AdcField field({with_grad2d(2), with_grad2d(3)});
     field.rule.cap = cap;
     field.see();
     field.refine();
@@ -196,8 +196,8 @@ TEST(Adc, GrowsNothingAtOrAboveTheCap) {
   }
 }
 
-TEST(Adc, AmongEqualPullsTheFirstGrow) {
-  AdcField field(std::vector<Made>(6, pulled(2)));
+TEST(Adc, AmongEqualGradientsTheFirstGrow) {
+  AdcField field(std::vector<Made>(6, with_grad2d(2)));
   field.rule.cap = 8;
   field.see();
   field.refine();
@@ -207,7 +207,7 @@ TEST(Adc, AmongEqualPullsTheFirstGrow) {
 TEST(Adc, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
   Made faint;
   faint.opacity = 0.001f;
-  AdcField field({faint, pulled(0), pulled(2), pulled(0)});
+  AdcField field({faint, with_grad2d(0), with_grad2d(2), with_grad2d(0)});
   field.see();
   field.refine();
   ASSERT_EQ(field.sources(), (std::vector<int>{1, 2, 2, 3}));
@@ -223,7 +223,7 @@ TEST(Adc, SurvivorsKeepTheirMomentsAndStepsChildrenStartWithNone) {
 }
 
 TEST(Adc, ChildrenOfALargeOneAreSmallerAndLiveAsLong) {
-  Made made = pulled(2, 1.f);
+  Made made = with_grad2d(2, 1.f);
   made.lifetime = 50;
   AdcField field({made});
   field.see();
@@ -238,14 +238,14 @@ TEST(Adc, ChildrenOfALargeOneAreSmallerAndLiveAsLong) {
 
 // Speed 1 with a lifetime of 0.2: it travels 0.4 while visible, 40 times its size.
 Made traveller() {
-  Made made = pulled(2, 0.01f);
+  Made made = with_grad2d(2, 0.01f);
   made.tilt = std::atan(1.f);
   made.lifetime = 0.2f * std::sqrt(2.f);  // the tilted axis: |p_t| = 0.2
   return made;
 }
 
 TEST(Adc, OneThatTravelsFarIsSplitInTimeAlongItsPath) {
-  AdcField field({pulled(0), traveller()});
+  AdcField field({with_grad2d(0), traveller()});
   const std::vector<float> opacities = field.values("logit_opacities");
   field.see();
   field.refine();
@@ -274,7 +274,7 @@ TEST(Adc, LivesAreNotCutShorterThanAllowed) {
 }
 
 TEST(Adc, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
-  AdcField field({pulled(0), pulled(2)});
+  AdcField field({with_grad2d(0), with_grad2d(2)});
   const std::vector<float> scales = field.values("log_scales");
   field.see();
   field.refine();
@@ -291,7 +291,7 @@ TEST(Adc, ChildrenOfASmallOneKeepItsSizeAndOneOfThemItsPlace) {
 // Sampled from the parent: over 2 x 400 children the mean is within 5 / sqrt(800) deviations of the
 // parent's, and the deviation within a fraction of 5 / sqrt(1600).
 TEST(Adc, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
-  AdcField field(std::vector<Made>(400, pulled(2, 0.8f)));
+  AdcField field(std::vector<Made>(400, with_grad2d(2, 0.8f)));
   field.see();
   field.refine();
   const std::vector<float> means = field.values("means"), marks = field.values("mark");
@@ -310,7 +310,7 @@ TEST(Adc, ChildrenOfLargeOnesSpreadAsTheParentDoes) {
 // logit.
 TEST(Adc, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
   for (const float opacity : {0.01f, 0.3f, 0.9f, 0.99f}) {
-    Made made = pulled(2);
+    Made made = with_grad2d(2);
     made.opacity = opacity;
     AdcField field({made});
     field.see();
@@ -320,8 +320,8 @@ TEST(Adc, TwoChildrenTogetherAreAsOpaqueAsTheParent) {
   }
 }
 
-TEST(Adc, IgnoresPullsThatAreNotFinite) {
-  AdcField field({pulled(std::nanf("")), pulled(HUGE_VALF), pulled(2)});
+TEST(Adc, IgnoresGradientsThatAreNotFinite) {
+  AdcField field({with_grad2d(std::nanf("")), with_grad2d(HUGE_VALF), with_grad2d(2)});
   field.see();
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2, 2}));
@@ -332,7 +332,7 @@ TEST(Adc, WorksOnNoneAndOne) {
   none.see();
   none.refine();
   EXPECT_EQ(none.parameters.count, 0u);
-  AdcField one({pulled(0)});
+  AdcField one({with_grad2d(0)});
   one.see();
   one.refine();
   EXPECT_EQ(one.parameters.count, 1u);
@@ -373,7 +373,7 @@ TEST(Adc, ResetsOpacitiesAndTheirMeanGradientOnlyWhenDueAndWhereHigher) {
 }
 
 TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
-  AdcField saved({pulled(2), pulled(0.5f)}), loaded({pulled(2), pulled(0.5f)});
+  AdcField saved({with_grad2d(2), with_grad2d(0.5f)}), loaded({with_grad2d(2), with_grad2d(0.5f)});
   saved.see();
   Arrays arrays;
   saved.density.save_state(saved.queue, arrays);
@@ -383,7 +383,7 @@ TEST(Adc, EvidenceSurvivesBeingSavedAndLoaded) {
 }
 
 TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
-  AdcField field({pulled(2), pulled(3), pulled(0)});
+  AdcField field({with_grad2d(2), with_grad2d(3), with_grad2d(0)});
   field.see();
   field.queue.info.max_allocation = 4 * 4 * 4;  // log_scales of 4 Gaussians; 5 are requested
   try {
@@ -401,7 +401,8 @@ TEST(Adc, WithoutMemoryForMoreEverythingStaysAsItWas) {
 
 std::vector<uint32_t> adc_bits_after(uint32_t seed) {
   std::vector<Made> made;
-  for (int i = 0; i < 300; ++i) made.push_back(pulled(float(i % 7) / 3, 0.1f * float(1 + i % 11)));
+  for (int i = 0; i < 300; ++i)
+    made.push_back(with_grad2d(float(i % 7) / 3, 0.1f * float(1 + i % 11)));
   AdcField field(made);
   field.rule.cap = 400;
   field.see();

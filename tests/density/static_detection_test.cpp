@@ -287,10 +287,10 @@ class StaticSpacetime {
   std::vector<cl_uint> refine() { return detection.refine(queue, p, *motion, rule).read(queue); }
   std::vector<float> values(const char* name) { return p[name].values.read(queue); }
 
-  // A view at t with gradients pulls[i] along x for row i; all static rows are seen.
-  void see(float t, const std::vector<float>& pulls) {
-    std::vector<float> v(3 * pulls.size());
-    for (size_t i = 0; i < pulls.size(); ++i) v[3 * i] = pulls[i];
+  // A view at t with gradients gradients[i] along x for row i; all static rows are seen.
+  void see(float t, const std::vector<float>& gradients) {
+    std::vector<float> v(3 * gradients.size());
+    for (size_t i = 0; i < gradients.size(); ++i) v[3 * i] = gradients[i];
     const Buffer<cl_uint> touched(queue, std::vector<cl_uint>(p.count, 1u), "tiles");
     const Buffer<float> v_means(queue, v, "v_means");
     detection.see(queue, p, all_rows_of(queue, p), touched, t, v_means, nullptr, v_means, false);
@@ -369,8 +369,8 @@ TEST(StaticDetection, GradientsThatAddUpMakeAStaticGaussianMoveAgain) {
   // the expected noise. Row 2 has the opposite sign in three views of 20: sqrt(20) 14/20 = 3.1
   // times. Row 3 has none.
   for (int k = 0; k < 20; ++k) {
-    const float pull = k % 2 ? -1.f : 1.f;
-    made.see(k % 2 ? 0.1f : 0.5f, {1, pull, k < 3 ? -pull : pull, 0});
+    const float gradient = k % 2 ? -1.f : 1.f;
+    made.see(k % 2 ? 0.1f : 0.5f, {1, gradient, k < 3 ? -gradient : gradient, 0});
   }
   EXPECT_EQ(made.refine(), (std::vector<cl_uint>{0, 1, 2, 3}));
   ASSERT_EQ(made.p.moving, 2u);
@@ -385,8 +385,8 @@ TEST(StaticDetection, GradientsThatAddUpMakeAStaticGaussianMoveAgain) {
 }
 
 // The gradient of flow for static Gaussians is part of v_means, or separate.
-TEST(StaticDetection, FlowPullsTheSameToldInBothWays) {
-  const auto pulls = [](float v_mean, float v_mean_t2, bool stood_still) {
+TEST(StaticDetection, FlowHasTheSameGradientToldInBothWays) {
+  const auto gradients = [](float v_mean, float v_mean_t2, bool stood_still) {
     StaticSpacetime made(std::vector<MadeStatic>(1));
     made.refine();
     const Buffer<cl_uint> touched(made.queue, {1}, "tiles");
@@ -399,7 +399,7 @@ TEST(StaticDetection, FlowPullsTheSameToldInBothWays) {
     made.detection.save_state(made.queue, made.p, arrays);
     return std::get<std::vector<float>>(arrays.at("rest/pulls").values);
   };
-  const std::vector<float> within = pulls(3 - 2, 2, false), beside = pulls(3, 2, true);
+  const std::vector<float> within = gradients(3 - 2, 2, false), beside = gradients(3, 2, true);
   EXPECT_FLOAT_EQ(within[0], 3 * (0.5f - 0.3f) + 2 * (0.7f - 0.5f));  // its temporal mean is 0.3
   EXPECT_FLOAT_EQ(beside[0], within[0]);
   EXPECT_FLOAT_EQ(beside[3], within[3]);

@@ -35,7 +35,7 @@ bool all_finite(const std::vector<float>& a) {
 
 // The image gradient of one pixel at a time gives each pixel's contribution; absgrad sums their
 // lengths in one pass and changes no other gradient.
-TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsPulls) {
+TEST(Engine, AbsgradIsTheSumOfTheLengthsOfAllPixelsGradients) {
   Queue queue = test_queue();
   SceneSpec spec;
   spec.n = 30;
@@ -311,7 +311,7 @@ TEST(Engine, DetachedFlowOfOneGaussianLeavesItAloneAtTheFirstTime) {
 }
 
 // Density control must not split a Gaussian whose only error is its motion.
-TEST(Engine, TheFlowsOwnPullMovesAGaussianButIsNoPullOfTheImages) {
+TEST(Engine, TheFlowsGradientMovesAGaussianButIsNoGradientOfTheImages) {
   Queue queue = test_queue();
   PosedScene s = random_scene({0, 40, 30});
   add_gaussian(s, {.1, -.2, 4}, {.5, .3, .2}, .8, {.25, .125, 0});

@@ -41,11 +41,11 @@ INSTANTIATE_TEST_SUITE_P(Numerics, Stress, testing::ValuesIn(quick_tests()),
                          });
 
 // Names of the kernels that compute gradients: they end with _bwd, or write to a parameter named v_
-// or pulls (the gradients that velocities would have).
+// or gradient_sums (the gradients that velocities would have).
 std::set<std::string> gradient_kernels() {
   std::set<std::string> names;
   const std::regex head(R"(kernel void (\w+)\(([^)]*)\))");
-  const std::regex written(R"(global \w+\* restrict (v_\w+|pulls))");
+  const std::regex written(R"(global \w+\* restrict (v_\w+|gradient_sums))");
   for (const auto& [file, text] : kernel_sources())
     for (std::sregex_iterator it(text.begin(), text.end(), head), end; it != end; ++it) {
       const std::string name = (*it)[1],

@@ -375,7 +375,7 @@ Derivative price_row(Queue& queue) {
 // The criterion that makes static Gaussians dynamic again: the gradient by the velocities they
 // would have, for a view that draws them at both times, and for one in which they are static (at t2
 // they are where they are at t).
-Derivative pull_row(Queue& queue) {
+Derivative static_gradient_row(Queue& queue) {
   constexpr size_t n = 40;
   const float t = .7f, t2 = .9f;
   Random random(51);
@@ -398,8 +398,8 @@ Derivative pull_row(Queue& queue) {
     detection.see(queue, p, rows, seen, t, v_means, &t2, v_means_t2, stood_still);
     Arrays state;
     detection.save_state(queue, p, state);
-    const auto& pulls = std::get<Floats>(state.at("rest/pulls").values);
-    for (size_t i = 0; i < n; ++i) found.insert(found.end(), &pulls[4 * i], &pulls[4 * i] + 3);
+    const auto& sums = std::get<Floats>(state.at("rest/pulls").values);
+    for (size_t i = 0; i < n; ++i) found.insert(found.end(), &sums[4 * i], &sums[4 * i] + 3);
   }
   const auto since = [&](size_t k, bool stood_still) {  // how long velocities act until t2
     return double(t2) - (stood_still ? double(t) : double(means_t[k / 3]));
@@ -428,7 +428,7 @@ Derivative pull_row(Queue& queue) {
       expected.push_back(double(v[k]) * (double(t) - double(means_t[k / 3])) +
                          double(v2[k]) * since(k, stood_still));
   const std::vector<double> at(6 * n, 0.1);
-  return {"static_pull",
+  return {"static_accumulate",
           "velocities of static Gaussians",
           relative_error(found, expected),
           relative_error(expected, slopes(cost, at, 1e-3)),
@@ -455,7 +455,7 @@ std::vector<Derivative> derivatives(Queue& queue) {
   for (const float ssim : {0.f, .2f}) rows.push_back(image_loss_row(queue, ssim));
   rows.push_back(flow_loss_row(queue));
   rows.push_back(price_row(queue));
-  rows.push_back(pull_row(queue));
+  rows.push_back(static_gradient_row(queue));
 #ifdef GFLOW_WITH_OPENCV
   for (Derivative& row : host_derivatives()) rows.push_back(std::move(row));
 #endif
