@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PLY files: point clouds, and tables of float properties such as trained Gaussians. Reads ASCII
-// and binary little-endian; skips other elements (faces, chunks) and unused properties. Row counts
-// are checked against the file length before memory is allocated.
+// and binary of either byte order; skips other elements (faces, chunks) and unused properties. Row
+// counts are checked against the file length before memory is allocated.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -37,8 +37,8 @@ struct PlyTable {
   std::vector<float> column_values(const std::string& name) const;
 };
 
-// Error if the file is missing, truncated or big-endian, if it has no element "vertex", or if a
-// property of "vertex" is a list.
+// Error if the file is missing or truncated, if it has no element "vertex", or if a property of
+// "vertex" is a list.
 PlyTable read_ply(const std::string& path);
 
 // Names of the properties of element "vertex"; empty if there is none. Reads only the header.

@@ -77,16 +77,17 @@ bool parse_line(const std::string& line, PlyHeader& header, bool& has_format,
   words >> keyword;
   if (keyword == "format") {
     words >> word;
-    if (word != "ascii" && word != "binary_little_endian")
-      throw_ply_error(
-          path,
-          fmt::format("its format is '{}', expected ascii or binary_little_endian", excerpt(word)));
+    if (word != "ascii" && word != "binary_little_endian" && word != "binary_big_endian")
+      throw_ply_error(path, fmt::format("its format is '{}', expected ascii, binary_little_endian "
+                                        "or binary_big_endian",
+                                        excerpt(word)));
     std::string version;
     if (!(words >> version) || version != "1.0" || !(words >> std::ws).eof())
       throw_ply_error(path,
                       fmt::format("its line '{}' must end with the version 1.0", excerpt(line)));
     if (has_format) throw_ply_error(path, "its header has two lines 'format'");
     header.ascii = word == "ascii";
+    header.big_endian = word == "binary_big_endian";
     has_format = true;
   } else if (keyword == "element") {
     PlyElementHeader element;
@@ -250,8 +251,11 @@ template <class T>
 double PlyRows::take() {
   const std::string_view bytes = file_.ahead(sizeof(T));
   if (bytes.size() < sizeof(T)) truncated();
+  char ordered[sizeof(T)];
+  std::memcpy(ordered, bytes.data(), sizeof(T));
+  if (header_.big_endian) std::reverse(ordered, ordered + sizeof(T));
   T value;
-  std::memcpy(&value, bytes.data(), sizeof value);
+  std::memcpy(&value, ordered, sizeof value);
   file_.step(sizeof value);
   return double(value);
 }

@@ -26,7 +26,7 @@ struct PlyElementHeader {
 };
 
 struct PlyHeader {
-  bool ascii = false;
+  bool ascii = false, big_endian = false;
   std::vector<PlyElementHeader> elements;
   std::vector<std::string> comments;  // without the word "comment"
 };
@@ -38,7 +38,7 @@ struct PlyHeader {
 // place in the file.
 class PlyRows {
  public:
-  // Error if the file is missing, has no valid PLY header, or is big-endian.
+  // Error if the file is missing or has no valid PLY header.
   explicit PlyRows(const std::string& path);
 
   const PlyHeader& header() const { return header_; }

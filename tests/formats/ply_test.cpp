@@ -47,6 +47,38 @@ TEST(Ply, ReadsBinaryWithElementsBeforeAndPropertiesBetween) {
   EXPECT_EQ(read_ply(path).column_values("label"), (std::vector<float>{60000, 60000}));
 }
 
+TEST(Ply, ReadsBigEndian) {
+  const TemporaryFolder folder;
+  const auto bytes = [](bool big) {
+    const auto number = [big](auto value) {
+      std::string bytes = raw(value);
+      if (big) std::reverse(bytes.begin(), bytes.end());
+      return bytes;
+    };
+    std::string file = fmt::format("ply\nformat binary_{}_endian 1.0\n", big ? "big" : "little");
+    file += "element face 1\nproperty list ushort int vertex_indices\nelement vertex 2\n";
+    for (const char* type : {"char", "uchar", "short", "ushort", "int", "uint", "float", "double"})
+      file += fmt::format("property {0} as_{0}\n", type);
+    file += "property float x\nproperty float y\nproperty float z\nend_header\n";
+    file += number(uint16_t(2)) + number(int32_t(7)) + number(int32_t(8));
+    for (int i = 0; i < 2; ++i) {
+      file += number(int8_t(-3 - i)) + number(uint8_t(200 + i)) + number(int16_t(-300 - i)) +
+              number(uint16_t(60000 + i)) + number(int32_t(-70000 - i)) +
+              number(uint32_t(1u << 31)) + number(-1.25f) + number(0.375);
+      for (const float place : {1.f, -2.5f, 3e7f}) file += number(place);
+    }
+    return file;
+  };
+  const std::string big = folder.write("big.ply", bytes(true));
+  const std::string little = folder.write("little.ply", bytes(false));
+  const PlyTable table = read_ply(big);
+  EXPECT_EQ(table.values, read_ply(little).values);
+  EXPECT_EQ(table.column_values("as_short"), (std::vector<float>{-300, -301}));
+  EXPECT_EQ(table.column_values("as_float"), (std::vector<float>{-1.25f, -1.25f}));
+  EXPECT_EQ(table.column_values("as_double"), (std::vector<float>{0.375f, 0.375f}));
+  EXPECT_EQ(read_point_cloud(big).xyz, (std::vector<double>{1, -2.5, 3e7, 1, -2.5, 3e7}));
+}
+
 TEST(Ply, FloatColorsAreScaled) {
   const TemporaryFolder folder;
   const PointCloud points = read_point_cloud(folder.write(
@@ -125,12 +157,13 @@ TEST(Ply, RefusesCountsThatCannotBeInTheFile) {
     return folder.write("a.ply", "ply\nformat " + format + " 1.0\nelement vertex " + count +
                                      "\nproperty float x\nend_header\n1 2 3\n");
   };
-  for (const char* format : {"ascii", "binary_little_endian"})
+  for (const char* format : {"ascii", "binary_little_endian", "binary_big_endian"})
     for (const char* count : {"4000000000", "9000000000000000000"})
       expect_error([&] { read_ply(with(format, count)); }, {"a.ply", "truncated"});
   for (const char* rows : {"-1", "0x10", "1.5", "1 9", "1e3"})
     expect_error([&] { read_ply(with("ascii", rows)); }, {"no valid number of rows"});
-  expect_error([&] { read_ply(with("binary_big_endian", "1")); }, {"binary_big_endian"});
+  expect_error([&] { read_ply(with("binary_pdp_endian", "1")); },
+               {"binary_pdp_endian", "binary_big_endian"});
   expect_error([&] { read_ply(with("ascii 1.0\nformat binary_little_endian", "1")); },
                {"two lines 'format'"});
 }

@@ -36,6 +36,10 @@ void ply_seeds(const std::string& to) {
        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
        "end_header\n1 2 3 4 5 6\n7 8 9 10 11 12\n");
+  seed(to, "big_endian",
+       "ply\nformat binary_big_endian 1.0\nelement face 1\nproperty list uchar short ids\n"
+       "element vertex 2\nproperty float x\nproperty double y\nproperty int z\nend_header\n" +
+           std::string("\2\0\1\0\2", 5) + std::string(2 * 16, '\1'));
   real_seed(to, "splat_models/kacytran_iter7000.ply");
 }
 
