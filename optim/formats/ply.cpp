@@ -82,9 +82,38 @@ void append(std::string& bytes, const T* values, size_t n) {
   bytes.append(reinterpret_cast<const char*>(values), n * sizeof(T));
 }
 
-uint8_t to_byte(float value, PlyType type) {
-  const float scaled = is_real(type) ? value * 255 : value;
-  return uint8_t(std::isfinite(scaled) ? std::clamp(scaled + .5f, 0.f, 255.f) : 0.f);
+// The columns of colours by the names that programs use; -1 each if there are none.
+std::array<int, 3> find_colors(const std::vector<std::string>& names) {
+  constexpr std::array<std::array<const char*, 3>, 3> known = {
+      {{"red", "green", "blue"},
+       {"diffuse_red", "diffuse_green", "diffuse_blue"},
+       {"r", "g", "b"}}};
+  for (const auto& three : known)
+    if (const auto columns = find_each(names, three);
+        std::all_of(columns.begin(), columns.end(), [](int column) { return column >= 0; }))
+      return columns;
+  return {-1, -1, -1};
+}
+
+// Value of full intensity of each colour column. Real colours need a second pass over the file.
+std::array<double, 3> full_intensities(const std::string& path, const PlyElementHeader& vertices,
+                                       const std::array<int, 3>& color) {
+  const auto real = [&](int column) { return is_real(vertices.properties[size_t(column)].type); };
+  if (std::none_of(color.begin(), color.end(), real)) return {255, 255, 255};
+  double largest = 0;
+  PlyRows rows(path);
+  rows.read(find_vertices(rows, path), [&](const double* values) {
+    for (const int column : color)
+      if (real(column) && std::isfinite(values[column]))
+        largest = std::max(largest, values[column]);
+  });
+  std::array<double, 3> full{};
+  for (size_t i = 0; i < 3; ++i) full[i] = real(color[i]) ? full_intensity(largest) : 255;
+  return full;
+}
+
+uint8_t color_byte(double value) {
+  return uint8_t(std::isfinite(value) ? std::clamp(value + .5, 0., 255.) : 0.);
 }
 
 }  // namespace
@@ -206,11 +235,12 @@ PointCloud read_point_cloud(const std::string& path) {
   const PlyElementHeader& vertices = find_vertices(rows, path);
   const std::vector<std::string> names = names_of(vertices);
   const std::array<int, 3> position = find_each(names, {"x", "y", "z"});
-  const std::array<int, 3> color = find_each(names, {"red", "green", "blue"});
-  const auto is_there = [](int column) { return column >= 0; };
-  if (!std::all_of(position.begin(), position.end(), is_there))
+  const std::array<int, 3> color = find_colors(names);
+  if (std::any_of(position.begin(), position.end(), [](int column) { return column < 0; }))
     throw_ply_error(path, "its vertices have no x, y and z");
-  const bool colored = std::all_of(color.begin(), color.end(), is_there);
+  const bool colored = color[0] >= 0;
+  std::array<double, 3> full{};
+  if (colored) full = full_intensities(path, vertices, color);
   const bool exact = are_doubles(vertices, position);
   PointCloud points;
   const size_t count = std::min(vertices.rows, most_points);
@@ -229,8 +259,7 @@ PointCloud read_point_cloud(const std::string& path) {
       if (kept) points.xyz.push_back(exact ? place : double(float(place)));
     }
     for (size_t i = 0; i < 3 && colored && kept; ++i)
-      points.rgb.push_back(
-          to_byte(float(values[color[i]]), vertices.properties[size_t(color[i])].type));
+      points.rgb.push_back(color_byte(values[color[i]] / full[i] * 255));
   });
   return points;
 }

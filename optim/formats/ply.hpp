@@ -76,8 +76,13 @@ std::vector<PlyElement> read_ply_elements(const std::string& path);
 // times its size in memory.
 constexpr size_t most_points = 3000000;
 
-// Reads x y z and, if present, red green blue (uchar 0..255 or float 0..1). Keeps at most
-// most_points, evenly chosen. Error if a coordinate is not finite or above farthest_point.
+// The value of full intensity in real colours, by the largest in the file: 1, or 255 if that is
+// well above 1. Rounding errors may exceed 1 slightly.
+inline double full_intensity(double largest) { return largest > 1.5 ? 255 : 1; }
+
+// Reads x y z and, if present, the colours: red green blue, diffuse_red diffuse_green diffuse_blue,
+// or r g b; integers 0..255, or reals 0..1 or 0..255 (full_intensity). Keeps at most most_points,
+// evenly chosen. Error if a coordinate is not finite or above farthest_point.
 PointCloud read_point_cloud(const std::string& path);
 
 // Binary little-endian: float x y z, and uchar red green blue if there are colours.

@@ -89,6 +89,45 @@ TEST(Ply, FloatColorsAreScaled) {
   EXPECT_EQ(points.rgb, (std::vector<uint8_t>{0, 255, 128}));
 }
 
+// Float colours of 0 to 255, as some programs write them, were read as white.
+TEST(Ply, FloatColorsMayGoTo255) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& rows) {
+    return read_point_cloud(
+               folder.write("a.ply",
+                            "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n"
+                            "property float y\nproperty float z\nproperty float red\n"
+                            "property float green\nproperty double blue\nend_header\n" +
+                                rows))
+        .rgb;
+  };
+  EXPECT_EQ(read("0 0 0 0 1 0.6\n0 0 0 12.4 255 300\n"),
+            (std::vector<uint8_t>{0, 1, 1, 12, 255, 255}));
+  EXPECT_EQ(read("0 0 0 0 1 0.5\n0 0 0 nan 0 -1\n"), (std::vector<uint8_t>{0, 255, 128, 0, 0, 0}));
+  // 1.001 is a rounding error; Inf does not tell the range.
+  EXPECT_EQ(read("0 0 0 0 1.001 0.5\n0 0 0 inf 0 1\n"),
+            (std::vector<uint8_t>{0, 255, 128, 0, 0, 255}));
+}
+
+TEST(Ply, ColorsHaveTheNamesThatProgramsUse) {
+  const TemporaryFolder folder;
+  const auto read = [&](const std::string& red, const std::string& green, const std::string& blue) {
+    return read_point_cloud(
+               folder.write(
+                   "a.ply",
+                   fmt::format("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+                               "property float y\nproperty float z\nproperty uchar {}\n"
+                               "property uchar {}\nproperty uchar {}\nend_header\n0 0 0 9 1 255\n",
+                               red, green, blue)))
+        .rgb;
+  };
+  const std::vector<uint8_t> color{9, 1, 255};
+  EXPECT_EQ(read("red", "green", "blue"), color);
+  EXPECT_EQ(read("diffuse_red", "diffuse_green", "diffuse_blue"), color);
+  EXPECT_EQ(read("r", "g", "b"), color);
+  EXPECT_TRUE(read("red", "green", "b").empty());
+}
+
 TEST(Ply, ATableIsReadAgainAsWritten) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.ply");

@@ -92,6 +92,9 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   write_npz(folder.file("init_pt_cld.npz"),
             {{"data", {{1, 6}, std::vector<float>{1, 2, 3, 0, 0.5, 1}}}});
   EXPECT_EQ(read_scene(folder.path()).points.rgb, scene.points.rgb);
+  write_npz(folder.file("init_pt_cld.npz"),
+            {{"data", {{1, 6}, std::vector<float>{1, 2, 3, 0, 128, 255}}}});
+  EXPECT_EQ(read_scene(folder.path()).points.rgb, scene.points.rgb);
   EXPECT_TRUE(scene.has_alpha);
   EXPECT_EQ(scene.train[4].mask_path, folder.file("seg/3/000001.png"));
 }

@@ -129,7 +129,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
   return frames;
 }
 
-// init_pt_cld.npz: 'data' [n, 7] or [n, 6]: x y z, red green blue (0 to 1), segment.
+// init_pt_cld.npz: 'data' [n, 7] or [n, 6]: x y z, red green blue (full_intensity), segment.
 PointCloud read_points(const std::string& folder) {
   const std::string path = (fs::path(folder) / "init_pt_cld.npz").string();
   if (!fs::exists(path)) return find_points(folder);
@@ -142,20 +142,26 @@ PointCloud read_points(const std::string& folder) {
   PointCloud points;
   points.xyz.reserve(3 * count);
   points.rgb.reserve(3 * count);
-  const auto add = [&](size_t i, const auto* row) {
+  const auto add = [&](size_t i, const auto* row, double full) {
     for (int c = 0; c < 6; ++c)
       if (!(std::fabs(row[c]) <= farthest_point))
         throw Error(fmt::format("point {} of {} has a value that is NaN, Inf or beyond {:g}", i,
                                 path, farthest_point));
     points.xyz.insert(points.xyz.end(), {double(row[0]), double(row[1]), double(row[2])});
     for (int c = 3; c < 6; ++c)
-      points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(double(row[c]), 0., 1.))));
+      points.rgb.push_back(uint8_t(std::lround(255 * std::clamp(row[c] / full, 0., 1.))));
   };
   // Row by row, because converting all values would need more memory than the file.
+  const auto add_all = [&](const auto& values) {
+    double largest = 0;
+    for (size_t i = 0; i < count; ++i)
+      for (size_t c = 3; c < 6; ++c) largest = std::max(largest, double(values[i * columns + c]));
+    for (size_t i = 0; i < count; ++i) add(i, &values[i * columns], full_intensity(largest));
+  };
   if (const auto* floats = std::get_if<std::vector<float>>(&data.values))
-    for (size_t i = 0; i < count; ++i) add(i, &(*floats)[i * columns]);
+    add_all(*floats);
   else if (const auto* doubles = std::get_if<std::vector<double>>(&data.values))
-    for (size_t i = 0; i < count; ++i) add(i, &(*doubles)[i * columns]);
+    add_all(*doubles);
   else
     throw Error(fmt::format("'data' of {} contains integers, expected floats", path));
   return points;
