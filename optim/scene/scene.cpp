@@ -256,6 +256,9 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
   complete_scene(scene, options, origin);
+  if (scene.points.size() > 0 && scene.points.rgb.empty())
+    scene.notices.push_back(fmt::format(
+        "the points of {} have no colours (red, green, blue): their Gaussians start grey", path));
   return scene;
 }
 

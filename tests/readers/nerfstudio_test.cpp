@@ -108,6 +108,11 @@ TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   EXPECT_EQ(scene.steps, 3);
   EXPECT_EQ(scene.train.size(), 3u);
   EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
+  EXPECT_TRUE(scene.notices.empty());
+  write_point_cloud(folder.file("sparse_pc.ply"), {{1, 2, 3}, {}});
+  const Scene grey = read_scene(folder.path(), options);
+  ASSERT_EQ(grey.notices.size(), 1u);
+  EXPECT_NE(grey.notices[0].find("have no colours"), std::string::npos) << grey.notices[0];
 }
 
 TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
