@@ -23,8 +23,7 @@ constexpr size_t kSize = 32;
 
 uint8_t to_byte(double value) { return uint8_t(std::clamp(std::round(value), 0.0, 255.0)); }
 
-// Log scales of a Gaussian. A scale of 0 (underflow in the writer) becomes the smallest normal
-// float.
+// Log scales of a Gaussian. A scale of 0 is an underflow in the writer.
 void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, float* log_scales) {
   float scales[3];
   std::memcpy(scales, bytes, sizeof scales);
@@ -32,7 +31,7 @@ void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, fl
     if (!(scales[k] >= 0) || !std::isfinite(scales[k]))
       throw Error(fmt::format("cannot read {}: Gaussian {} has scale {}; is this a .splat file?",
                               path, i, scales[k]));
-    log_scales[k] = std::log(std::max(scales[k], std::numeric_limits<float>::min()));
+    log_scales[k] = log_of_scale(scales[k]);
   }
 }
 

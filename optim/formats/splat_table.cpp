@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "optim/formats/compressed_ply.hpp"
 #include "optim/formats/dot_splat.hpp"
@@ -128,6 +129,10 @@ float logit_of_opacity(double opacity) {
 }
 double opacity_of_logit(double logit) { return 1 / (1 + std::exp(-logit)); }
 
+float log_of_scale(float scale) {
+  return std::log(std::max(scale, std::numeric_limits<float>::min()));
+}
+
 SplatFormat splat_format(const std::string& path) {
   require_file(path);
   std::ifstream file(path, std::ios::binary);
@@ -149,12 +154,31 @@ SplatFormat splat_format(const std::string& path) {
                   path));
 }
 
+namespace {
+
+// Writers take the logit of an opacity of 0 or 1 and the log of a scale of 0, which are infinite.
+PlyTable with_finite_ends(PlyTable table) {
+  const size_t columns = table.names.size();
+  const auto each = [&](const std::string& name, auto&& change) {
+    for (size_t at = size_t(table.column(name)); at < table.values.size(); at += columns)
+      if (std::isinf(table.values[at])) change(table.values[at]);
+  };
+  each("opacity", [](float& logit) { logit = logit_of_opacity(logit > 0 ? 1 : 0); });
+  for (const char* name : {"scale_0", "scale_1", "scale_2"})
+    each(name, [](float& log_scale) {
+      if (log_scale < 0) log_scale = log_of_scale(0);
+    });
+  return table;
+}
+
+}  // namespace
+
 PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
 
 PlyTable read_splats(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) {
     require_columns(ply_vertex_properties(path), 0, path);  // before memory is allocated
-    return read_ply(path);
+    return with_finite_ends(read_ply(path));
   }
   if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);
   if (format == SplatFormat::spz) return finite(read_spz(path), path);

@@ -71,6 +71,9 @@ double color_of_sh0(double sh0);
 float logit_of_opacity(double opacity);
 double opacity_of_logit(double logit);
 
+// Log of a scale, at least the smallest normal float so that it is finite.
+float log_of_scale(float scale);
+
 enum class SplatFormat { ply, compressed_ply, splat, spz, four_dgs };
 constexpr std::array<const char*, 5> names_of(SplatFormat) {
   return {"ply", "compressed-ply", "splat", "spz", "4dgs"};
@@ -81,8 +84,9 @@ constexpr std::array<const char*, 5> names_of(SplatFormat) {
 SplatFormat splat_format(const std::string& path);
 
 // Reads any static splat file, without normals if it has none. The columns of a plain PLY are those
-// of the file, more or fewer than the standard ones. Error if the file is not of its format, if
-// computed values are not finite, or for .4dgs (see four_dgs.hpp).
+// of the file, more or fewer than the standard ones. Logits of +-Inf (opacity 1 or 0) and log
+// scales of -Inf (scale 0) become finite by logit_of_opacity and log_of_scale. Error if the file is
+// not of its format, if computed values are not finite, or for .4dgs (see four_dgs.hpp).
 PlyTable read_splats(const std::string& path);
 PlyTable read_splats(const std::string& path, SplatFormat format);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <random>
 
 #include "optim/formats/compressed_ply.hpp"
@@ -89,6 +90,28 @@ void expect_near(SplatTable& expected, PlyTable read, const Tolerance& tolerance
 template <class T>
 void append(std::string& bytes, T value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+// --- PLY
+
+// exp(-Inf) = 0 is a flat Gaussian, sigmoid(Inf) = 1 an opaque one and sigmoid(-Inf) = 0 one that
+// is never seen.
+TEST(SplatPly, InfiniteLogitsAndFlatScalesBecomeFinite) {
+  const TemporaryFolder folder;
+  SplatTable table = random_splats(3, 0);
+  const float infinite = std::numeric_limits<float>::infinity();
+  *table.row(0).logit_opacity = infinite;
+  *table.row(1).logit_opacity = -infinite;
+  table.row(2).log_scales[1] = -infinite;
+  write_ply(folder.file("a.ply"), table.table);
+  SplatTable back = standard_table(read_splats(folder.file("a.ply")), "a.ply");
+  ASSERT_EQ(back.table.rows, 3u);
+  EXPECT_NEAR(opacity_of_logit(*back.row(0).logit_opacity), 1, 1e-5);
+  EXPECT_NEAR(opacity_of_logit(*back.row(1).logit_opacity), 0, 1e-5);
+  EXPECT_LT(std::exp(back.row(2).log_scales[1]), 1e-37f);
+  for (const float value : back.table.values) EXPECT_TRUE(std::isfinite(value));
+  EXPECT_EQ(back.row(2).log_scales[0], table.row(2).log_scales[0]);
+  EXPECT_EQ(*back.row(2).logit_opacity, *table.row(2).logit_opacity);
 }
 
 // --- .splat
