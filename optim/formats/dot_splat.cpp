@@ -23,12 +23,13 @@ constexpr size_t kSize = 32;
 
 uint8_t to_byte(double value) { return uint8_t(std::clamp(std::round(value), 0.0, 255.0)); }
 
-// Log scales of a Gaussian. A scale of 0 is an underflow in the writer.
+// Log scales of a Gaussian. A scale of 0 is an underflow in the writer; NaN and Inf stay. A
+// negative scale means that the file is something else.
 void read_log_scales(const uint8_t* bytes, size_t i, const std::string& path, float* log_scales) {
   float scales[3];
   std::memcpy(scales, bytes, sizeof scales);
   for (size_t k = 0; k < 3; ++k) {
-    if (!(scales[k] >= 0) || !std::isfinite(scales[k]))
+    if (scales[k] < 0)
       throw Error(fmt::format("cannot read {}: Gaussian {} has scale {}; is this a .splat file?",
                               path, i, scales[k]));
     log_scales[k] = log_of_scale(scales[k]);

@@ -12,8 +12,10 @@
 #include "optim/formats/compressed_ply.hpp"
 #include "optim/formats/dot_splat.hpp"
 #include "optim/formats/four_dgs.hpp"
+#include "optim/formats/ply_comments.hpp"
 #include "optim/formats/spz.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "shared/sh.h"
 
@@ -24,15 +26,6 @@ constexpr double kOpacityEnd = 1e-6;
 
 void append_numbered(std::vector<std::string>& names, const std::string& stem, size_t count) {
   for (size_t i = 0; i < count; ++i) names.push_back(stem + std::to_string(i));
-}
-
-// For formats whose values are computed when read: rejects NaN and Inf.
-PlyTable finite(PlyTable table, const std::string& path) {
-  for (size_t i = 0; i < table.values.size(); ++i)
-    if (!std::isfinite(table.values[i]))
-      throw Error(fmt::format("cannot read {}: Gaussian {} has a value that is NaN or Inf ({})",
-                              path, i / table.names.size(), table.names[i % table.names.size()]));
-  return table;
 }
 
 }  // namespace
@@ -171,23 +164,92 @@ PlyTable with_finite_ends(PlyTable table) {
   return table;
 }
 
-}  // namespace
+// Columns of Gaussians in motion (optim/model/model.cpp).
+bool is_motion(const std::string& name) {
+  const auto begins = [&](const char* start) { return name.rfind(start, 0) == 0; };
+  return name == "t" || name == "scale_t" || begins("motion_") || begins("omega_") ||
+         begins("rot_r_");
+}
 
-PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
+// Finds the rows that cannot be drawn. Normals and unknown columns may have any value.
+class RowCheck {
+ public:
+  RowCheck(const PlyTable& table, const std::string& path) : names_(table.names) {
+    const SplatTable standard(0, sh_degree_of(table, path), Normals::none);
+    for (const std::string& name : standard.table.names) used_.push_back(table.column(name));
+    for (size_t c = 0; c < names_.size(); ++c)
+      if (is_motion(names_[c])) used_.push_back(int(c));
+    for (size_t k = 0; k < 4; ++k) quat_[k] = table.column("rot_" + std::to_string(k));
+  }
 
-PlyTable read_splats(const std::string& path, SplatFormat format) {
+  // What is wrong with a row, or nothing.
+  std::string problem(const float* row) const {
+    for (const int column : used_)
+      if (!std::isfinite(row[column])) return "NaN or Inf in " + names_[size_t(column)];
+    const bool turned = std::any_of(quat_.begin(), quat_.end(), [&](int c) { return row[c] != 0; });
+    return turned ? "" : "the rotation 0 0 0 0";
+  }
+
+ private:
+  const std::vector<std::string>& names_;
+  std::vector<int> used_;
+  std::array<int, 4> quat_;
+};
+
+// Removes rows that cannot be drawn. Rows of a file of gflow stay: the tables beside it have as
+// many, and read_model rejects the values.
+PlyTable drawable(PlyTable table, const std::string& path) {
+  if (comment_after(table, model_comment)) return table;
+  const RowCheck check(table, path);
+  const size_t columns = table.names.size();
+  size_t kept = 0, first = 0;
+  std::string why;  // of the first
+  for (size_t i = 0; i < table.rows; ++i) {
+    const float* row = table.values.data() + i * columns;
+    const std::string problem = check.problem(row);
+    if (!problem.empty()) {
+      if (why.empty()) first = i, why = problem;
+      continue;
+    }
+    if (kept < i) std::copy_n(row, columns, table.values.data() + kept * columns);
+    ++kept;
+  }
+  if (kept == table.rows) return table;
+  if (kept == 0)
+    throw Error(
+        fmt::format("cannot read {}: none of its {} Gaussians can be drawn; Gaussian {} "
+                    "has {}",
+                    path, table.rows, first, why));
+  warn_once(
+      fmt::format("{} of the {} Gaussians in {} cannot be drawn and are left out; the first "
+                  "is Gaussian {}, which has {}",
+                  table.rows - kept, table.rows, path, first, why));
+  table.rows = kept;
+  table.values.resize(kept * columns);
+  return table;
+}
+
+PlyTable read_unchecked(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) {
     require_columns(ply_vertex_properties(path), 0, path);  // before memory is allocated
-    return with_finite_ends(read_ply(path));
+    return read_ply(path);
   }
-  if (format == SplatFormat::compressed_ply) return finite(read_compressed_ply(path), path);
-  if (format == SplatFormat::spz) return finite(read_spz(path), path);
+  if (format == SplatFormat::compressed_ply) return read_compressed_ply(path);
+  if (format == SplatFormat::spz) return read_spz(path);
   if (format == SplatFormat::four_dgs)
     throw Error(
         fmt::format("{} is a .4dgs file of moving Gaussians; `gflow import {} --time SECONDS -o "
                     "now.ply` writes a PLY of one time",
                     path, path));
-  return finite(read_dot_splat(path), path);
+  return read_dot_splat(path);
+}
+
+}  // namespace
+
+PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
+
+PlyTable read_splats(const std::string& path, SplatFormat format) {
+  return drawable(with_finite_ends(read_unchecked(path, format)), path);
 }
 
 }  // namespace gflow

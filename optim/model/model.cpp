@@ -267,7 +267,7 @@ void warn_of_scales(const HostModel& model, const std::string& path) {
     too_large += !std::isfinite(std::exp(std::max({s[0], s[1], s[2]})));
   }
   if (too_large > 0)
-    warn(
+    warn_once(
         fmt::format("{} of the Gaussians in {} have scales too large for a float and are not drawn",
                     too_large, path));
 }

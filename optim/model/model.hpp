@@ -69,7 +69,7 @@ void write_model(const std::string& path, const HostModel& model);
 std::string tables_path(const std::string& path);
 
 // Reads a file of write_model, or any splat file that read_splats reads (then all Gaussians are
-// static). Error if properties are missing or values are non-finite.
+// static). Error if properties are missing, or if a file of write_model has non-finite values.
 HostModel read_model(const std::string& path);
 
 // Whether every Gaussian lasts for the whole video and none moves.

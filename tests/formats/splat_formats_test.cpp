@@ -114,6 +114,50 @@ TEST(SplatPly, InfiniteLogitsAndFlatScalesBecomeFinite) {
   EXPECT_EQ(*back.row(2).logit_opacity, *table.row(2).logit_opacity);
 }
 
+TEST(SplatPly, GaussiansThatCannotBeDrawnAreLeftOutWithOneWarning) {
+  const TemporaryFolder folder;
+  SplatTable table = random_splats(6, 1);
+  const float infinite = std::numeric_limits<float>::infinity();
+  table.row(1).mean[1] = std::nanf("");
+  table.row(2).log_scales[0] = infinite;
+  table.row(3).sh_rest[4] = -infinite;
+  std::fill_n(table.row(5).quat, 4, 0.f);
+  const std::string path = folder.file("a.ply");
+  write_ply(path, table.table);
+  testing::internal::CaptureStderr();
+  PlyTable read = read_splats(path);
+  read_splats(path);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(),
+            fmt::format("gflow: warning: 4 of the 6 Gaussians in {} cannot be drawn and are left "
+                        "out; the first is Gaussian 1, which has NaN or Inf in y\n",
+                        path));
+  ASSERT_EQ(read.rows, 2u);
+  EXPECT_EQ(read.values.size(), 2 * read.names.size());
+  SplatTable kept = standard_table(read, path);
+  EXPECT_EQ(kept.row(0).mean[0], table.row(0).mean[0]);
+  EXPECT_EQ(kept.row(1).mean[0], table.row(4).mean[0]);
+  EXPECT_EQ(kept.row(1).quat[3], table.row(4).quat[3]);
+}
+
+TEST(SplatPly, AFileWithoutAnyGaussianThatCanBeDrawnIsRefused) {
+  const TemporaryFolder folder;
+  SplatTable table = random_splats(3, 0);
+  for (size_t i = 0; i < 3; ++i) std::fill_n(table.row(i).quat, 4, 0.f);
+  write_ply(folder.file("a.ply"), table.table);
+  expect_error([&] { read_splats(folder.file("a.ply")); },
+               {"a.ply", "none of its 3 Gaussians", "Gaussian 0 has the rotation 0 0 0 0"});
+}
+
+TEST(SplatPly, ColumnsThatAreNotDrawnMayHaveAnyValue) {
+  const TemporaryFolder folder;
+  SplatTable one = random_splats(1, 0);
+  PlyTable table = one.table;
+  table.names.insert(table.names.end(), {"nx", "confidence"});
+  table.values.insert(table.values.end(), {std::nanf(""), std::nanf("")});
+  write_ply(folder.file("a.ply"), table);
+  EXPECT_EQ(read_splats(folder.file("a.ply")).rows, 1u);
+}
+
 // --- .splat
 
 const Tolerance kDotSplat{0, 1e-6, 2.0 / 128, 0.51 / 255, 0.51 / 255, 0};
@@ -209,6 +253,22 @@ TEST(DotSplat, RefusesWhatIsNoSuchFile) {
   bytes[19] = 0x3f;
   expect_error([&] { read_splats(folder.write("c.splat", bytes + std::string(8, '\x40'))); },
                {"c.splat", "Gaussian 0", "NaN or Inf"});
+}
+
+TEST(DotSplat, GaussiansThatCannotBeDrawnAreLeftOut) {
+  const TemporaryFolder folder;
+  std::string bytes;
+  const auto add = [&](float x, float scale, int w) {
+    for (const float value : {x, 0.f, 0.f, scale, 1.f, 1.f}) append(bytes, value);
+    for (const int value : {0, 0, 0, 255, w, 128, 128, 128}) append(bytes, uint8_t(value));
+  };
+  add(std::nanf(""), 1, 255);
+  add(1, std::nanf(""), 255);
+  add(2, std::numeric_limits<float>::infinity(), 255);
+  add(3, 1, 128);  // no rotation
+  add(4, 1, 255);
+  const PlyTable read = read_splats(folder.write("a.splat", bytes));
+  EXPECT_EQ(read.column_values("x"), std::vector<float>{4});
 }
 
 TEST(DotSplat, RefusesAFileThatBecomesShorterWhileItIsRead) {
@@ -358,14 +418,19 @@ TEST(CompressedPly, ReadingTakesTheMemoryOfWhatIsMadeOfIt) {
   EXPECT_LT(memory_of([&] { EXPECT_EQ(read_splats(path).rows, n); }), mib + 8);
 }
 
-TEST(CompressedPly, RefusesARangeThatIsNotFinite) {
+// The range of a chunk makes all its Gaussians.
+TEST(CompressedPly, ARangeThatIsNotFiniteLosesItsChunk) {
   const TemporaryFolder folder;
   SplatTable table = random_splats(10, 0);
   std::string bytes = CompressedPly{}.bytes(table);
   const size_t first = bytes.find("end_header\n") + 11;
   bytes.replace(first, 4, "\xff\xff\xff\xff");
   expect_error([&] { read_splats(folder.write("a.ply", bytes)); },
-               {"a.ply", "Gaussian 0", "NaN or Inf"});
+               {"a.ply", "none of its 10", "Gaussian 0", "NaN or Inf"});
+  table = random_splats(300, 0);
+  bytes = CompressedPly{}.bytes(table);
+  bytes.replace(bytes.find("end_header\n") + 11, 4, "\xff\xff\xff\xff");
+  EXPECT_EQ(read_splats(folder.write("b.ply", bytes)).rows, 300u - 256);
 }
 
 // --- .spz

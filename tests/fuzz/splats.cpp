@@ -26,6 +26,7 @@ void ply(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "a.ply", [](const std::string& path) { read_ply(path); });
   may_refuse([] { read_ply_elements(folder() + "/a.ply"); });
   may_refuse([] { read_point_cloud(folder() + "/a.ply"); });
+  may_refuse([] { read_splats(folder() + "/a.ply"); });
 }
 void ply_seeds(const std::string& to) {
   seed(to, "table", written("s.ply", [](const std::string& p) { write_ply(p, small_table(1)); }));

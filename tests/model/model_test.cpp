@@ -261,14 +261,41 @@ TEST(Model, RefusesAMovingFileWithoutItsTime) {
   expect_error([&] { read_model(folder.file("broken.ply")); }, {"'scale_t' is missing"});
 }
 
-TEST(Model, RefusesValuesThatAreNotFinite) {
+TEST(Model, LeavesOutGaussiansOfOthersThatCannotBeDrawn) {
   const TemporaryFolder folder;
   for (const float value : {std::nanf(""), HUGE_VALF}) {
     PlyTable table = static_table();
-    set(table, 1, "scale_1", value);
+    set(table, 0, "scale_1", value);
     write_ply(folder.file("broken.ply"), table);
-    expect_error([&] { read_model(folder.file("broken.ply")); },
-                 {"broken.ply", "Gaussian 1", "NaN or Inf"});
+    const HostModel model = read_model(folder.file("broken.ply"));
+    EXPECT_EQ(model.count, 1u);
+    EXPECT_EQ(model.groups.at("means")[0], table.column_values("x")[1]);
+    EXPECT_EQ(model.groups.at("sh_rest")[3], table.column_values("f_rest_1")[1]);
+  }
+}
+
+TEST(Model, LeavesOutGaussiansOfOthersWhoseMotionIsNotFinite) {
+  const TemporaryFolder folder;
+  const HostModel model = random_model(5, 0);
+  write_model(folder.file("model.ply"), model);
+  PlyTable table = read_ply(folder.file("model.ply"));
+  table.comments.clear();
+  set(table, 3, "motion_4", std::nanf(""));
+  write_ply(folder.file("other.ply"), table);
+  const HostModel read = read_model(folder.file("other.ply"));
+  EXPECT_EQ(read.count, 4u);
+  EXPECT_EQ(read.groups.at("means_t")[3], model.groups.at("means_t")[4]);
+}
+
+// The tables beside the file have a row for each Gaussian.
+TEST(Model, RefusesValuesOfItsOwnFilesThatAreNotFinite) {
+  const TemporaryFolder folder;
+  for (const char* group : {"means", "key_shifts"}) {
+    HostModel model = random_model(5, 0, MotionModelKind::keyframes);
+    model.groups.at(group)[3] = std::nanf("");
+    write_model(folder.file("model.ply"), model);
+    expect_error([&] { read_model(folder.file("model.ply")); },
+                 {"model.ply", "has NaN or Inf in", group});
   }
 }
 
