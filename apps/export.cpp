@@ -38,6 +38,7 @@ struct ExportFlags {
   std::string model, output, format, times;
   int steps = 0, iteration = latest_iteration;
   double fps = 0;
+  Undrawable undrawable = Undrawable::left_out;
 };
 
 // The output format: given by the extension of the name, which --format must not contradict.
@@ -270,7 +271,7 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
     require_no_folder_of_run(flags.output);
   else
     require_no_file_of_run(flags.output);
-  ModelSource source = model_source(flags.model, flags.iteration);
+  ModelSource source = model_source(flags.model, flags.iteration, flags.undrawable);
   require_other_file(flags.output, source.path);
   export_model(flags, source, options);
   const auto& [x, y, z] = source.model.shape.origin;
@@ -317,6 +318,7 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
                    "4dgs: time steps per second; 0: as in the run's scene, else 24")
       ->check(zero_or_in(slowest_fps, fastest_fps));
   add_iteration(*command, flags->iteration);
+  add_strict(*command, flags->undrawable);
   command->callback([flags, &options] { run_export(*flags, options); });
 }
 

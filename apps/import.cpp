@@ -24,6 +24,7 @@ namespace {
 struct ImportFlags {
   std::string input, output, format = "auto";
   std::optional<double> time;  // [s]
+  Undrawable undrawable = Undrawable::left_out;
 };
 
 SplatFormat format_wanted(const ImportFlags& flags) {
@@ -55,8 +56,9 @@ void run_import(const ImportFlags& flags) {
   if (flags.time && format != SplatFormat::four_dgs)
     throw Error(fmt::format("--time is only for .4dgs files; {} is {}", flags.input,
                             names_of(format)[size_t(format)]));
-  PlyTable table =
-      format == SplatFormat::four_dgs ? moment_of(flags) : read_splats(flags.input, format);
+  PlyTable table = format == SplatFormat::four_dgs
+                       ? moment_of(flags)
+                       : read_splats(flags.input, format, flags.undrawable);
   table.origin = origin_of(table, flags.input);
   if (table.column("scale_t") >= 0)
     throw Error(
@@ -105,6 +107,7 @@ void add_import(CLI::App& app, const GlobalOptions&) {
   command->add_option("--time", flags->time, "4dgs: time to import, in seconds; default: half-way")
       ->check(number_in(0, 1e15))
       ->type_name("SECONDS");
+  add_strict(*command, flags->undrawable);
   command->callback([flags] { run_import(*flags); });
 }
 

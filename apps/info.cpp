@@ -137,10 +137,10 @@ Json info_of_model(const HostModel& model, const std::string& path, const std::s
   return info;
 }
 
-Json info_of_splats(const std::string& path) {
+Json info_of_splats(const std::string& path, Undrawable undrawable) {
   const SplatFormat format = splat_format(path);
   if (format == SplatFormat::four_dgs) return info_of_four_dgs(path);
-  return info_of_model(read_model(path), path, names_of(format)[size_t(format)],
+  return info_of_model(read_model(path, undrawable), path, names_of(format)[size_t(format)],
                        fs::file_size(path));
 }
 
@@ -200,7 +200,7 @@ Json info_of(const Scene& scene, const std::string& path) {
 }
 
 // A plain video is a scene as well.
-Json info_of_file(const std::string& path) {
+Json info_of_file(const std::string& path, Undrawable undrawable) {
   try {
     splat_format(path);
   } catch (const Error& no_splat) {
@@ -219,13 +219,13 @@ Json info_of_file(const std::string& path) {
     if (info["frame_rate"] == "variable") info["times"] = times_of(scene);
     return info;
   }
-  return info_of_splats(path);
+  return info_of_splats(path, undrawable);
 }
 
-Json info_of(const std::string& path, int iteration) {
+Json info_of(const std::string& path, int iteration, Undrawable undrawable) {
   if (fs::is_directory(path) && RunFolder::is_run(path)) return info_of_run(path, iteration);
   require_no_iteration(iteration, path);
-  return fs::is_directory(path) ? info_of(read_scene(path), path) : info_of_file(path);
+  return fs::is_directory(path) ? info_of(read_scene(path), path) : info_of_file(path, undrawable);
 }
 
 std::string text_of(const Json& value) {
@@ -270,6 +270,7 @@ void add_info(CLI::App& app, const GlobalOptions&) {
   struct Flags {
     std::string path;
     int iteration = latest_iteration;
+    Undrawable undrawable = Undrawable::left_out;
     bool json = false;
   };
   auto flags = std::make_shared<Flags>();
@@ -281,9 +282,10 @@ void add_info(CLI::App& app, const GlobalOptions&) {
       ->required()
       ->type_name("PATH");
   add_iteration(*command, flags->iteration);
+  add_strict(*command, flags->undrawable);
   command->add_flag("--json", flags->json, "Print JSON");
   command->callback([flags] {
-    const Json info = info_of(flags->path, flags->iteration);
+    const Json info = info_of(flags->path, flags->iteration, flags->undrawable);
     if (flags->json)
       fmt::print("{}\n", json_text(info, 1));
     else

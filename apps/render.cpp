@@ -33,6 +33,7 @@ struct RenderFlags {
   std::string model, output, split, camera, times, scene, background, up = "-y";
   int resolution = 0, iteration = latest_iteration;
   double fps = 0;
+  Undrawable undrawable = Undrawable::left_out;
   bool no_compare = false;
 };
 
@@ -50,7 +51,7 @@ std::string found_above(const std::string& model, const std::string& name) {
 }
 
 Source find_source(const RenderFlags& flags) {
-  Source source{model_source(flags.model, flags.iteration), {}};
+  Source source{model_source(flags.model, flags.iteration, flags.undrawable), {}};
   const std::string config = found_above(source.path, "config.toml");
   if (!source.run && !config.empty()) {
     source.run = RunFolder::open(fs::path(config).parent_path().string());
@@ -293,6 +294,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
       ->check(choice_of({"x", "y", "z", "-x", "-y", "-z"}))
       ->type_name("AXIS");
   add_iteration(*command, flags->iteration);
+  add_strict(*command, flags->undrawable);
   command->add_flag("--no-compare", flags->no_compare, "No comparison images with the scene's own");
   command->callback([flags, &options] { run_render(*flags, options); });
 }

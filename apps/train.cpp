@@ -28,6 +28,7 @@ struct TrainFlags {
   std::vector<std::string> settings;
   int iterations = 0, resolution = 1;
   int save_every = 0;
+  Undrawable undrawable = Undrawable::left_out;
   int64_t seed = 0;
   bool profile = false;
   bool resume = false, overwrite = false, allow_command = false;
@@ -95,6 +96,7 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
     config.init.from = InitFrom::file;
     config.init.file = std::filesystem::absolute(flags.init).lexically_normal().string();
   }
+  if (flags.undrawable == Undrawable::refused) config.init.strict = true;
   const std::string layout = flags.cameras.empty() ? "" : layout_of(config.scene.path);
   if (!layout.empty() && !takes_cameras(layout))
     throw Error(
@@ -165,6 +167,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
           "Initial Gaussians: auto, points, stereo, random, visual-hull or file (init.from), or a "
           "static splat file: .ply, compressed .ply, .splat, .spz (init.file)")
       ->type_name("FILE|WORD");
+  add_strict(*command, flags->undrawable);
   command
       ->add_option("--cameras", flags->cameras,
                    "Camera of a video or of numbered images, or one camera per image: cameras.json "

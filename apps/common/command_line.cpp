@@ -127,6 +127,13 @@ CLI::Validator list_entry() {
       "");
 }
 
+void add_strict(CLI::App& command, Undrawable& undrawable) {
+  command.add_flag_callback(
+      "--strict", [&undrawable] { undrawable = Undrawable::refused; },
+      "Refuse a splat file with Gaussians that cannot be drawn (NaN, Inf or the rotation 0 0 0 0) "
+      "instead of leaving them out");
+}
+
 std::string sentence_for(const CLI::App& app, const CLI::ParseError& problem) {
   const std::vector<const CLI::App*> path = understood(app);
   std::vector<std::string> commands;

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "optim/formats/splat_table.hpp"
+
 namespace gflow {
 
 // Accepts one of the words.
@@ -22,6 +24,9 @@ CLI::Validator path_given();
 // An entry of a comma-separated list. For an empty list (`--devices ,`) CLI11 would take the next
 // argument.
 CLI::Validator list_entry();
+
+// Adds --strict: a splat file with Gaussians that cannot be drawn is refused.
+void add_strict(CLI::App& command, Undrawable& undrawable);
 
 // The message for a command line that `app` rejected with `problem`. Names the nearest command or
 // option if the given one does not exist.

@@ -10,13 +10,13 @@
 
 namespace gflow {
 
-ModelSource model_source(const std::string& run_or_file, int iteration) {
+ModelSource model_source(const std::string& run_or_file, int iteration, Undrawable undrawable) {
   if (!std::filesystem::exists(run_or_file))
     throw Error(
         fmt::format("cannot read {}: there is no such run folder or splat file", run_or_file));
   if (!std::filesystem::is_directory(run_or_file)) {
     require_no_iteration(iteration, run_or_file);
-    return {run_or_file, read_model(run_or_file), "", std::nullopt, {}};
+    return {run_or_file, read_model(run_or_file, undrawable), "", std::nullopt, {}};
   }
   const RunFolder run = RunFolder::open(run_or_file);
   RunState state = read_run_state(run, iteration);

@@ -19,7 +19,7 @@ struct ModelSource {
 };
 
 // Throws an Error if nothing is there, or if an iteration is selected without a run.
-ModelSource model_source(const std::string& run_or_file, int iteration);
+ModelSource model_source(const std::string& run_or_file, int iteration, Undrawable undrawable);
 
 // Adds --iteration, which sets `iteration`.
 void add_iteration(CLI::App& command, int& iteration);

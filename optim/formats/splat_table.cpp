@@ -196,9 +196,9 @@ class RowCheck {
   std::array<int, 4> quat_;
 };
 
-// Removes rows that cannot be drawn. Rows of a file of gflow stay: the tables beside it have as
-// many, and read_model rejects the values.
-PlyTable drawable(PlyTable table, const std::string& path) {
+// Removes or refuses rows that cannot be drawn. Rows of a file of gflow stay: the tables beside it
+// have as many, and read_model rejects the values.
+PlyTable drawable(PlyTable table, const std::string& path, Undrawable undrawable) {
   if (comment_after(table, model_comment)) return table;
   const RowCheck check(table, path);
   const size_t columns = table.names.size();
@@ -215,15 +215,12 @@ PlyTable drawable(PlyTable table, const std::string& path) {
     ++kept;
   }
   if (kept == table.rows) return table;
-  if (kept == 0)
-    throw Error(
-        fmt::format("cannot read {}: none of its {} Gaussians can be drawn; Gaussian {} "
-                    "has {}",
-                    path, table.rows, first, why));
-  warn_once(
-      fmt::format("{} of the {} Gaussians in {} cannot be drawn and are left out; the first "
-                  "is Gaussian {}, which has {}",
-                  table.rows - kept, table.rows, path, first, why));
+  const std::string which = fmt::format("the first is Gaussian {}, which has {}", first, why);
+  if (kept == 0 || undrawable == Undrawable::refused)
+    throw Error(fmt::format("cannot read {}: {} of its {} Gaussians cannot be drawn; {}", path,
+                            table.rows - kept, table.rows, which));
+  warn_once(fmt::format("{} of the {} Gaussians in {} cannot be drawn and are left out; {}",
+                        table.rows - kept, table.rows, path, which));
   table.rows = kept;
   table.values.resize(kept * columns);
   return table;
@@ -246,10 +243,12 @@ PlyTable read_unchecked(const std::string& path, SplatFormat format) {
 
 }  // namespace
 
-PlyTable read_splats(const std::string& path) { return read_splats(path, splat_format(path)); }
+PlyTable read_splats(const std::string& path, Undrawable undrawable) {
+  return read_splats(path, splat_format(path), undrawable);
+}
 
-PlyTable read_splats(const std::string& path, SplatFormat format) {
-  return drawable(with_finite_ends(read_unchecked(path, format)), path);
+PlyTable read_splats(const std::string& path, SplatFormat format, Undrawable undrawable) {
+  return drawable(with_finite_ends(read_unchecked(path, format)), path, undrawable);
 }
 
 }  // namespace gflow

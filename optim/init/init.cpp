@@ -231,7 +231,7 @@ HostModel read_init_file(const TrainOptions& config) {
   if (path.empty()) throw Error("init.from is \"file\", but init.file is empty");
   const HostModel file = [&] {
     try {
-      return read_model(path);
+      return read_model(path, config.init.strict ? Undrawable::refused : Undrawable::left_out);
     } catch (const Error& problem) {
       throw Error(fmt::format("init.file: {}", problem.what()));
     }

@@ -16,6 +16,7 @@ constexpr std::array<const char*, 6> names_of(InitFrom) {
 struct InitOptions {
   InitFrom from = InitFrom::automatic;
   std::string file;
+  bool strict = false;
   int count = 10000;
   float opacity = 0.1f;
   float lifetime = 1;
@@ -37,6 +38,9 @@ struct InitOptions {
           "visual-hull, stereo, random");
     field("file", self.file,
           "static splat in the scene's coordinates: .ply, compressed .ply, .splat, .spz");
+    field("strict", self.strict,
+          advanced("refuse a file with Gaussians that cannot be drawn, instead of leaving them "
+                   "out"));
     field("count", self.count, "number of random or stereo points", at_least(1));
     field("opacity", self.opacity, "initial opacity", above_up_to(0, 0.99f));
     field("box", self.box, advanced("side of the box of random points [x scene extent]"), above(0));

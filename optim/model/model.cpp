@@ -274,8 +274,8 @@ void warn_of_scales(const HostModel& model, const std::string& path) {
 
 }  // namespace
 
-HostModel read_model(const std::string& path) {
-  PlyTable table = read_splats(path);
+HostModel read_model(const std::string& path, Undrawable undrawable) {
+  PlyTable table = read_splats(path, undrawable);
   HostModel model;
   model.count = table.rows;
   const auto has = [&](const char* name) { return table.column(name) >= 0; };

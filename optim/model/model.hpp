@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "optim/formats/npz.hpp"
+#include "optim/formats/splat_table.hpp"
 #include "optim/motion/color.hpp"
 #include "optim/motion/models.hpp"
 
@@ -70,7 +71,7 @@ std::string tables_path(const std::string& path);
 
 // Reads a file of write_model, or any splat file that read_splats reads (then all Gaussians are
 // static). Error if properties are missing, or if a file of write_model has non-finite values.
-HostModel read_model(const std::string& path);
+HostModel read_model(const std::string& path, Undrawable undrawable = Undrawable::left_out);
 
 // Whether every Gaussian lasts for the whole video and none moves.
 bool is_static_model(const HostModel& model);

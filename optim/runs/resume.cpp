@@ -39,7 +39,7 @@ void require_same_training(const CheckpointFolder::Found& found, const TrainOpti
   for (const char* free :
        {"scene.path", "train.minutes", "train.log_every", "train.checkpoint_every",
         "train.save_every", "train.device", "flow.store", "guidance.command", "guidance.timeout",
-        "metrics.lpips", "metrics.clip"})
+        "init.strict", "metrics.lpips", "metrics.clip"})
     now.erase(free);
   for (const auto& [name, value] : now)
     if (value != before.at(name))

@@ -339,6 +339,36 @@ TEST_F(FilesCommand, ScalesThatNoFloatHoldsAreTold) {
   EXPECT_NE(outcome.err.find("1 of the Gaussians"), std::string::npos) << outcome.err;
 }
 
+TEST_F(FilesCommand, GaussiansThatCannotBeDrawnAreLeftOutUnlessStrict) {
+  const TemporaryFolder folder;
+  const std::string still = folder.file("still.ply"), out = folder.path() + "/out";
+  ASSERT_EQ(gflow({"export", run(), "-o", still}).code, 0);
+  PlyTable table = read_ply(still);
+  table.values[size_t(table.column("x"))] = std::nanf("");
+  write_ply(still, table);
+  const size_t rest = table.rows - 1;
+  const std::vector<std::vector<std::string>> commands = {
+      {"info", still},
+      {"import", still, "-o", out + ".ply"},
+      {"export", still, "-o", out + ".splat"},
+      {"render", still, "-o", out, "--times", "0"},
+      {"train", scene().path(), "-o", out + "_run", "--iterations", "1", "--init", still, "--set",
+       "init.dynamic=0"}};
+  for (std::vector<std::string> command : commands) {
+    command.push_back("--quiet");
+    const Outcome outcome = gflow(command);
+    EXPECT_EQ(outcome.code, 0) << command[0];
+    const size_t warning = outcome.err.find("1 of the " + std::to_string(table.rows));
+    EXPECT_NE(warning, std::string::npos) << command[0] << outcome.err;
+    EXPECT_EQ(outcome.err.find("left out"), outcome.err.rfind("left out")) << command[0];
+    if (command[0] == "train") command[3] = out + "_other";
+    command.push_back("--strict");
+    expect_refused(command, {still, "1 of its " + std::to_string(table.rows), "NaN or Inf in x"});
+  }
+  EXPECT_EQ(read_ply(out + ".ply").rows, rest);
+  EXPECT_FALSE(fs::exists(out + "_other"));
+}
+
 TEST_F(FilesCommand, SplatNamesGaussiansThatAreBroken) {
   const TemporaryFolder folder;
   Arrays input = small_npz();

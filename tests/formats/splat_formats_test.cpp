@@ -131,6 +131,8 @@ TEST(SplatPly, GaussiansThatCannotBeDrawnAreLeftOutWithOneWarning) {
             fmt::format("gflow: warning: 4 of the 6 Gaussians in {} cannot be drawn and are left "
                         "out; the first is Gaussian 1, which has NaN or Inf in y\n",
                         path));
+  expect_error([&] { read_splats(path, Undrawable::refused); },
+               {"cannot read " + path, "4 of its 6 Gaussians cannot be drawn", "Gaussian 1"});
   ASSERT_EQ(read.rows, 2u);
   EXPECT_EQ(read.values.size(), 2 * read.names.size());
   SplatTable kept = standard_table(read, path);
@@ -145,7 +147,7 @@ TEST(SplatPly, AFileWithoutAnyGaussianThatCanBeDrawnIsRefused) {
   for (size_t i = 0; i < 3; ++i) std::fill_n(table.row(i).quat, 4, 0.f);
   write_ply(folder.file("a.ply"), table.table);
   expect_error([&] { read_splats(folder.file("a.ply")); },
-               {"a.ply", "none of its 3 Gaussians", "Gaussian 0 has the rotation 0 0 0 0"});
+               {"a.ply", "3 of its 3 Gaussians", "Gaussian 0, which has the rotation 0 0 0 0"});
 }
 
 TEST(SplatPly, ColumnsThatAreNotDrawnMayHaveAnyValue) {
@@ -426,7 +428,7 @@ TEST(CompressedPly, ARangeThatIsNotFiniteLosesItsChunk) {
   const size_t first = bytes.find("end_header\n") + 11;
   bytes.replace(first, 4, "\xff\xff\xff\xff");
   expect_error([&] { read_splats(folder.write("a.ply", bytes)); },
-               {"a.ply", "none of its 10", "Gaussian 0", "NaN or Inf"});
+               {"a.ply", "10 of its 10", "Gaussian 0", "NaN or Inf"});
   table = random_splats(300, 0);
   bytes = CompressedPly{}.bytes(table);
   bytes.replace(bytes.find("end_header\n") + 11, 4, "\xff\xff\xff\xff");
