@@ -282,6 +282,7 @@ TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   expect_refused({"bench", "rastr"}, {"`gflow bench rastr`", "raster"});
   expect_refused({"eval", run(), "--splt=test"}, {"no option --splt,", "--split", "--help"});
   expect_refused({"devices", "--jsn"}, {"--jsn", "nearest is --json"});
+  expect_refused({"import", model(), "-o", out, "--overwrite"}, {"no option --overwrite (see"});
   expect_refused({"eval", run(), "more"}, {"`gflow eval`", "'more'"});
   expect_refused({"train", "scene"}, {"--output is required", "gflow train --help"});
   expect_refused({"splat", "a.npz", "-o", out, "--transport", "papr"},
