@@ -291,7 +291,9 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->output, "Output file; ply-sequence: output folder")
+  command
+      ->add_option("-o,--output", flags->output,
+                   "Output file, replaced if it exists; ply-sequence: output folder")
       ->check(path_given())
       ->required()
       ->type_name("PATH");

@@ -93,7 +93,7 @@ void add_import(CLI::App& app, const GlobalOptions&) {
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->output, "Output PLY")
+  command->add_option("-o,--output", flags->output, "Output PLY; an existing file is replaced")
       ->check(path_given())
       ->required()
       ->type_name("FILE.ply");
