@@ -122,7 +122,7 @@ std::vector<FlowStore::Loader> track_flows(const Scene& scene, const std::vector
   const bool is_file = fs::is_regular_file(folder);
   if (is_file && films.size() > 1)
     throw Error(
-        fmt::format("flow.tracks is the file {}, but {} cameras recorded scene {}: expected a "
+        fmt::format("flow.tracks is the file {}, but {} cameras recorded scene '{}': expected a "
                     "folder with one CAMERA.npz per camera",
                     folder, films.size(), scene.name));
   std::map<int, std::shared_ptr<const PointTracks>> tracks_of;  // by track

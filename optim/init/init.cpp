@@ -154,10 +154,10 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
     }
   }
   if (points.size() == 0)
-    throw Error(
-        fmt::format("no random point of scene {} is on the object in nine of ten images: check its "
-                    "cameras and masks, or add points3D.ply",
-                    scene.name));
+    throw Error(fmt::format(
+        "no random point of scene '{}' is on the object in nine of ten images: check its "
+        "cameras and masks, or add points3D.ply",
+        scene.name));
   return points;
 }
 
@@ -316,11 +316,11 @@ void require_init_file(const TrainOptions& config) {
 
 void require_first_points(const Scene& scene, const InitOptions& init) {
   if (init.from == InitFrom::points && scene.points.size() == 0)
-    throw Error("init.from is \"points\", but scene " + scene.name +
-                " has no points (points3D.ply or sparse/0/points3D.bin)");
+    throw Error("init.from is \"points\", but scene '" + scene.name +
+                "' has no points (points3D.ply or sparse/0/points3D.bin)");
   if (init.from == InitFrom::visual_hull && !scene.has_alpha)
-    throw Error("init.from is \"visual-hull\", but the images of scene " + scene.name +
-                " have no alpha or masks that show the object");
+    throw Error("init.from is \"visual-hull\", but the images of scene '" + scene.name +
+                "' have no alpha or masks that show the object");
 }
 
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,

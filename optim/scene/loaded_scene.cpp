@@ -34,7 +34,7 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, std::string_view s
   if (split == "test") frames = &scene.test;
   if (split == "val") frames = &scene.val;
   if (!frames) throw Error(fmt::format("there is no split '{}': choose train, test or val", split));
-  if (frames->empty()) throw Error(fmt::format("scene {} has no {} views", scene.name, split));
+  if (frames->empty()) throw Error(fmt::format("scene '{}' has no {} views", scene.name, split));
   return *frames;
 }
 

@@ -65,13 +65,17 @@ void check(const SceneOptions& options) {
                             options.max_steps));
 }
 
+// For messages. A scene in memory has no folder.
+std::string place_of(const Scene& scene) {
+  return scene.folder.empty() ? "the scene" : scene.folder;
+}
+
 // Keeps the selected steps and renumbers them 0, 1, ...; their times become 0 to 1.
 void select_steps(Scene& scene, const SceneOptions& options) {
   const int first = options.first_step, stride = options.stride;
   if (first >= scene.steps)
-    throw Error(
-        fmt::format("scene.first_step is {}, but scene {} has {} time steps (counted from 0)",
-                    first, scene.folder, scene.steps));
+    throw Error(fmt::format("scene.first_step is {}, but {} has {} time steps (counted from 0)",
+                            first, place_of(scene), scene.steps));
   const int left = (scene.steps - 1 - first) / stride + 1;
   const int count = options.max_steps > 0 ? std::min(options.max_steps, left) : left;
   if (count == scene.steps) return;
@@ -131,8 +135,8 @@ void check(const Scene& scene) {
     return focal >= side / most && focal <= side * most;
   };
   if (scene.train.empty())
-    throw Error(fmt::format("scene {} has no training images: all {} are test images{}",
-                            scene.folder, scene.test.size(),
+    throw Error(fmt::format("{} has no training images: all {} are test images{}", place_of(scene),
+                            scene.test.size(),
                             scene.layout == "colmap" ? " (scene.test_every)" : ""));
   for (const Camera& camera : scene.cameras) {
     const double side = std::max(camera.width, camera.height);
@@ -144,12 +148,12 @@ void check(const Scene& scene) {
           fmt::format("camera {} of {} has size {}x{}, focal lengths {} and {} and principal point "
                       "({}, {}): sides must be positive, focal lengths 1e-6 to 1e6 times the "
                       "longer side, and the principal point within 1e6 times that side",
-                      camera.name, scene.folder, camera.width, camera.height, camera.fx, camera.fy,
-                      camera.cx, camera.cy));
+                      camera.name, place_of(scene), camera.width, camera.height, camera.fx,
+                      camera.fy, camera.cx, camera.cy));
     const double away = camera.viewmat.topRightCorner<3, 1>().stableNorm();
     if (!(camera.viewmat.allFinite() && away <= farthest))
       throw Error(fmt::format("camera {} of {} is {:g} from the origin, expected at most {:g}",
-                              camera.name, scene.folder, away, farthest));
+                              camera.name, place_of(scene), away, farthest));
   }
 }
 
@@ -247,7 +251,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   if (path.empty())
     throw Error("cannot read the scene: scene.path is empty, expected a scene folder or a video");
   if (!fs::exists(path))
-    throw Error(fmt::format("cannot read scene {}: there is no such folder or video", path));
+    throw Error(fmt::format("cannot read {}: there is no such scene folder or video", path));
   check(options);
   Scene scene = read_recognised(path, options);
   scene.folder = path;
@@ -319,10 +323,10 @@ std::vector<FlowPair> pairs_in_time(const Scene& scene) {
   std::map<double, int> by_time;
   for (size_t i = 0; i < scene.train.size(); ++i)
     if (!by_time.emplace(scene.train[i].time, int(i)).second)
-      throw Error(
-          fmt::format("flow.pairs is \"time\", which needs one frame per time, but scene {} has {} "
-                      "and another frame at time {}",
-                      scene.name, scene.train[i].name, scene.train[i].time));
+      throw Error(fmt::format(
+          "flow.pairs is \"time\", which needs one frame per time, but scene '{}' has {} "
+          "and another frame at time {}",
+          scene.name, scene.train[i].name, scene.train[i].time));
   std::vector<FlowPair> pairs;
   for (auto at = by_time.begin(); at != by_time.end() && std::next(at) != by_time.end(); ++at)
     pairs.push_back({at->second, std::next(at)->second});

@@ -63,7 +63,7 @@ void require_guided_views(const TrainOptions& train, const Scene& scene) {
   const bool test = config.cameras == GuidanceCameras::test;
   if ((test ? scene.test : scene.val).empty())
     throw Error(
-        fmt::format("guidance.cameras is \"{}\", but scene {} has no {} views: choose orbit",
+        fmt::format("guidance.cameras is \"{}\", but scene '{}' has no {} views: choose orbit",
                     name_of(config.cameras), scene.name, name_of(config.cameras)));
 }
 

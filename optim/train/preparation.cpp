@@ -95,7 +95,7 @@ std::optional<FlowStore> flows_at_hand(const TrainOptions& config, const LoadedS
   for (size_t i = 0; i < pairs.size(); ++i) any |= flows.has(i);
   if (!any)
     throw Error(
-        fmt::format("flow.source is \"files\", but scene {} has no ground-truth flow between "
+        fmt::format("flow.source is \"files\", but scene '{}' has no ground-truth flow between "
                     "training images that are compared: set flow.folder to a folder of flow files",
                     loaded.scene.name));
   return flows;
@@ -133,7 +133,7 @@ Preparation::Preparation(const TrainOptions& config, const std::string& unpack_f
 
 Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
     : config_(config), loaded_(std::move(loaded)) {
-  if (scene().train.empty()) throw Error("scene " + scene().name + " has no training views");
+  if (scene().train.empty()) throw Error("scene '" + scene().name + "' has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
   require_guided_views(config, scene());
   require_sources(config.flow);
@@ -195,7 +195,7 @@ PointCloud Preparation::points_from_stereo() {
   if (began_with_stereo_) return points;
   if (config_.init.from == InitFrom::stereo)
     throw Error(
-        fmt::format("init.from is \"stereo\", but scene {} has only {} points that look alike in "
+        fmt::format("init.from is \"stereo\", but scene '{}' has only {} points that look alike in "
                     "two cameras: choose random",
                     scene().name, points.size()));
   return {};

@@ -19,10 +19,10 @@ void require_sequence(const TrainOptions& config, const Scene& scene, const Moti
   for (const Frame& frame : scene.train) seen[size_t(frame.step)] = true;
   const auto unseen = std::find(seen.begin(), seen.end(), false);
   if (unseen != seen.end())
-    throw Error(
-        fmt::format("train.sequential requires a training image for every time step, but scene {} "
-                    "has none for time step {} (from 0)",
-                    scene.name, unseen - seen.begin()));
+    throw Error(fmt::format(
+        "train.sequential requires a training image for every time step, but scene '{}' "
+        "has none for time step {} (from 0)",
+        scene.name, unseen - seen.begin()));
 }
 
 Stage stage_at(const ScheduleOptions& config, int time_steps, int step) {

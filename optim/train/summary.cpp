@@ -76,7 +76,7 @@ std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
 
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
   if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
-    warn(fmt::format("scene.cameras = \"{}\" has no effect: scene {} has its own cameras ({})",
+    warn(fmt::format("scene.cameras = \"{}\" has no effect: scene '{}' has its own cameras ({})",
                      config.scene.cameras, scene.name, scene.layout));
   const MotionModelKind model = motion_model(scene, config.motion);
   const MotionModel& traits = motion_model_of(model);

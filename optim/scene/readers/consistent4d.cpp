@@ -133,7 +133,7 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
   }
   if (options.first_views && scene.train.size() == size_t(scene.steps))
     throw Error(
-        fmt::format("scene.first_views needs the first images of other views, but scene {} has "
+        fmt::format("scene.first_views needs the first images of other views, but {} has "
                     "none in eval_0 to eval_3",
                     folder));
   if (scene.test.empty()) {
