@@ -402,6 +402,22 @@ TEST(Colmap, AnImageInAFolderHasANameWithout) {
   EXPECT_EQ(scene.test.at(0).name.size(), 100u + 17);  // truncated, with a hash
 }
 
+TEST(Colmap, NamesOfWindowsHaveSlashes) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  folder.write("sparse/0/images.txt",
+               "1 1 0 0 0 0 0 5 7 left\\a.png\n\n2 1 0 0 0 0 0 5 7 left\\b.png\n\n");
+  make_png(folder, "images/left/a.png");
+  make_png(folder, "images/left/b.png");
+  make_png(folder, "masks/left/b.png", 8, 6, 1);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.train.at(0).path, folder.file("images/left/b.png"));
+  EXPECT_EQ(scene.train.at(0).name, "left_b");
+  EXPECT_EQ(scene.train.at(0).mask_path, folder.file("masks/left/b.png"));
+  folder.write("sparse/0/images.txt", "1 1 0 0 0 0 0 5 7 ..\\..\\a.png\n\n");
+  expect_error([&] { read_scene(folder.path()); }, {"outside of the scene folder"});
+}
+
 TEST(Scene, WithoutAPathSaysWhichSettingIsEmpty) {
   expect_error([] { read_scene(""); }, {"scene.path is empty", "folder or a video"});
 }

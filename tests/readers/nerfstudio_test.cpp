@@ -150,6 +150,20 @@ TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
   EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
 }
 
+TEST(Nerfstudio, PathsOfWindowsHaveSlashes) {
+  const TemporaryFolder folder;
+  std::string windows = frame(1, R"(, "mask_path": "masks/1.png")");
+  for (size_t at; (at = windows.find("s/")) != std::string::npos;) windows.replace(at, 2, R"(s\\)");
+  make_nerfstudio(folder, windows);
+  make_png(folder, "masks/1.png", 8, 6, 1);
+  SceneOptions options;
+  options.test_every = 0;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.train.at(0).path, folder.file("images/frame_1.png"));
+  EXPECT_EQ(scene.train.at(0).name, "images_frame_1");
+  EXPECT_EQ(scene.train.at(0).mask_path, folder.file("masks/1.png"));
+}
+
 TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
   const auto with = [&](const std::string& frames, const std::string& top = intrinsics) {

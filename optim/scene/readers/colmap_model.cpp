@@ -178,8 +178,8 @@ ColmapImage make_image(const std::string& name, const double q[4], const double 
   if (!(length > 1e-6 && length < 1e6))
     throw Error(fmt::format("the quaternion of image {} in {} has length {:.3g}, expected 1",
                             excerpt(name), path, length));
-  ColmapImage image{name, found->second};
-  image.camera.name = name;
+  ColmapImage image{with_slashes(name), found->second};
+  image.camera.name = image.name;
   image.camera.viewmat.topLeftCorner<3, 3>() =
       Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
   image.camera.viewmat.topRightCorner<3, 1>() = Eigen::Vector3d(t[0], t[1], t[2]);

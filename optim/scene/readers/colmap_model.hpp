@@ -11,7 +11,7 @@ namespace gflow {
 
 // One registered image.
 struct ColmapImage {
-  std::string name;  // as stored by COLMAP, relative to the image folder
+  std::string name;  // relative to the image folder, with_slashes
   Camera camera;     // has the image's name
 };
 

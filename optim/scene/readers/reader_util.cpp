@@ -78,6 +78,11 @@ std::vector<std::string> list_videos(const std::string& folder) {
   });
 }
 
+std::string with_slashes(std::string path) {
+  std::replace(path.begin(), path.end(), '\\', '/');
+  return path;
+}
+
 std::string path_inside(const std::string& folder, const std::string& relative,
                         const std::string& source) {
   constexpr size_t longest = 1024;  // longer names do not occur and would not fit a message
@@ -87,7 +92,7 @@ std::string path_inside(const std::string& folder, const std::string& relative,
         fmt::format("{} names the file '{}': expected a relative path without control characters, "
                     "at most {} bytes long",
                     source, excerpt(relative), longest));
-  const fs::path path = fs::path(relative).lexically_normal();
+  const fs::path path = fs::path(with_slashes(relative)).lexically_normal();
   if (relative.empty()) throw Error(fmt::format("{} contains an empty file name", source));
   if (path.is_absolute() || *path.begin() == "..")
     throw Error(

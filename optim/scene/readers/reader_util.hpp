@@ -20,8 +20,11 @@ std::vector<std::string> list_videos(const std::string& folder);  // .mp4 .avi .
 // Natural order: digits compare as numbers, "cam2" < "cam10".
 bool natural_less(const std::string& a, const std::string& b);
 
-// The path of `relative` in a folder. Error if it is absolute or leaves the folder by "..";
-// `source` is the file that named it.
+// A path with slashes for the backslashes of programs on Windows.
+std::string with_slashes(std::string path);
+
+// The path of `relative` in a folder, with_slashes. Error if it is absolute or leaves the folder by
+// ".."; `source` is the file that named it.
 std::string path_inside(const std::string& folder, const std::string& relative,
                         const std::string& source);
 

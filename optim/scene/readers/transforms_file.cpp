@@ -162,8 +162,9 @@ std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
     const std::string where = fmt::format("frame {} of {}", cameras.size(), file.path);
     require_object(entry, where);
     Camera camera = camera_of(file, entry, where, image, width, height);
-    camera.name = entry.contains("file_path") ? text(entry["file_path"], "'file_path' of " + where)
-                                              : fmt::format("frame_{}", cameras.size());
+    camera.name = entry.contains("file_path")
+                      ? with_slashes(text(entry["file_path"], "'file_path' of " + where))
+                      : fmt::format("frame_{}", cameras.size());
     cameras.push_back(camera);
   }
   if (cameras.empty()) throw Error(fmt::format("{} has no frames", file.path));
