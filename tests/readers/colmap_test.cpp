@@ -165,6 +165,28 @@ TEST(Colmap, ObservationsOfAnImageAreSteppedOver) {
   expect_the_model(read_colmap_model(folder.file("sparse/0")));
 }
 
+TEST(Colmap, BlankLinesAndCommentsMayBeAnywhereInATextModel) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* name : {"cameras", "images", "points3D"}) {
+    const std::string file = fmt::format("sparse/0/{}.txt", name);
+    std::string spread = " \t\n\r\n";
+    for (const char c : contents(folder.file(file)))
+      spread += c == '\n' ? " \t\n  # comment\n\n \r\n#\n" : std::string(1, c);
+    folder.write(file, spread);
+  }
+  expect_the_model(read_colmap_model(folder.file("sparse/0")));
+}
+
+// Otherwise an image would be taken for observations.
+TEST(Colmap, AfterABlankLineAnImageWithoutANameIsRefused) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  folder.write("sparse/0/images.txt", "2 1 0 0 0 0 0 5 7 b.png\n\n1 0.5 0.5 0.5 0.5 1.5 2 3 7\n\n");
+  expect_error([&] { read_colmap_model(folder.file("sparse/0")); },
+               {"line 3 of", "ends before the image name"});
+}
+
 TEST(Colmap, AnImageInPlaceOfObservationsIsToldNotSteppedOver) {
   const TemporaryFolder folder;
   make_text(folder);
@@ -329,9 +351,6 @@ TEST(Colmap, ModelsThatContradictThemselvesAreRefused) {
   expect_error(read, {"images.txt"});
   folder.write("sparse/0/images.txt", "1 0 0 0 0 0 0 0 7 a.png\n\n");
   expect_error(read, {"a.png", "length 0"});
-  const std::string first = "1 1 0 0 0 0 0 0 7 a.png\n", second = "2 1 0 0 0 0 0 0 7 b.png\n";
-  folder.write("sparse/0/images.txt", first + "\n\n\n" + second + "\n");
-  expect_error(read, {"images.txt", "image 2", "empty line"});
   folder.write("sparse/0/images.txt", "1 1 0 0\n");
   expect_error(read, {"line 1 of", "images.txt ends before a quaternion component", "IMAGE_ID QW"});
   make_text(folder);

@@ -78,32 +78,42 @@ class ColmapText {
   // `entry` describes a line, for messages.
   ColmapText(const std::string& path, const char* entry) : file_(path), entry_(entry) {}
 
-  // Reads the next line, which may be empty; false at the end of the file.
+  // Reads the next line, which may be blank; false at the end of the file.
   bool next_line() {
     constexpr const char* byte_order = "\xef\xbb\xbf";  // byte order mark, added by some editors
     if (file_.place() == 0 && file_.ahead(3) == byte_order) file_.step(3);
-    for (; file_.ahead(1) == "#"; ++number_) file_.skip_line();
-    ++number_;
-    at_ = 0;
-    return file_.next_line(line_);
+    do {
+      for (; file_.ahead(1) == "#"; ++number_) file_.skip_line();
+      ++number_;
+      at_ = 0;
+      if (!file_.next_line(line_)) return false;
+    } while (!is_blank() && line_[line_.find_first_not_of(blanks)] == '#');
+    return true;
   }
-  // The current line without its line ending.
-  const std::string& line() const { return line_; }
+  // Reads the next line that is not blank; false at the end of the file.
+  bool next_entry() {
+    while (next_line())
+      if (!is_blank()) return true;
+    return false;
+  }
+  bool is_blank() const { return line_.find_first_not_of(blanks) == std::string::npos; }
+  // Goes back to the beginning of the current line.
+  void restart_line() { at_ = 0; }
   // False if the line was cut at longest_line.
   bool is_whole() const { return line_.size() < FilePieces::longest_line; }
 
   // The next word of the line; empty at its end.
   std::string_view word() {
-    at_ = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
-    const size_t end = std::min(line_.find_first_of(" \t\r", at_), line_.size());
+    at_ = std::min(line_.find_first_not_of(blanks, at_), line_.size());
+    const size_t end = std::min(line_.find_first_of(blanks, at_), line_.size());
     const std::string_view word = std::string_view(line_).substr(at_, end - at_);
     at_ = end;
     return word;
   }
-  // The rest of the line after the words read so far.
+  // The rest of the line after the words read so far, without blanks around it.
   std::string rest() const {
-    const size_t begin = std::min(line_.find_first_not_of(" \t\r", at_), line_.size());
-    return line_.substr(begin);
+    const size_t begin = std::min(line_.find_first_not_of(blanks, at_), line_.size());
+    return line_.substr(begin, line_.find_last_not_of(blanks) + 1 - begin);
   }
   // The next word as a number. Error if it is missing or not a number; `what` names it.
   template <class Number>
@@ -127,6 +137,8 @@ class ColmapText {
   }
 
  private:
+  static constexpr const char* blanks = " \t\r";
+
   FilePieces file_;
   const char* entry_;
   std::string line_;

@@ -45,22 +45,37 @@ void require_modest(size_t entries, const char* what, const std::string& path) {
                             most_entries, what));
 }
 
-// Skips an image's observations: x, y and a point id each. Error if the line is anything else, such
-// as another image.
-void skip_observations(ColmapText& file, const std::string& path, const std::string& image) {
-  if (!file.next_line()) return;
+template <class Number>
+bool is_number(std::string_view word) {
+  Number number;
+  const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
+  return read.ec != std::errc::invalid_argument && read.ptr == word.data() + word.size();
+}
+
+// Whether the line is a list of observations: x, y and a point id each. Ids may be written as reals
+// unless `strict`.
+bool is_observations(ColmapText& file, bool strict) {
   size_t numbers = 0;
-  bool sound = true;
-  for (auto word = file.word(); !word.empty() && sound; word = file.word(), ++numbers) {
-    double number;
-    const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
-    sound = read.ec != std::errc::invalid_argument && read.ptr == word.data() + word.size();
-  }
-  if (file.is_whole() && (!sound || numbers % 3 != 0))
-    throw Error(
-        fmt::format("cannot read {}: the line after image {} is not a list of observations X Y "
-                    "POINT3D_ID; each image needs two lines, of which the second may be empty",
-                    path, excerpt(image)));
+  for (auto word = file.word(); !word.empty(); word = file.word(), ++numbers)
+    if (strict && numbers % 3 == 2 ? !is_number<int64_t>(word) : !is_number<double>(word))
+      return !file.is_whole();
+  return !file.is_whole() || numbers % 3 == 0;
+}
+
+// Skips the line of an image's observations and goes to the next image; false at the end of the
+// file. After a blank line, which is an empty list, the observations may still follow. Error if the
+// line is anything else, such as another image.
+bool skip_observations(ColmapText& file, const std::string& path, const std::string& image) {
+  if (!file.next_line()) return false;
+  const bool blank = file.is_blank();
+  if (blank && !file.next_entry()) return false;
+  if (is_observations(file, blank)) return file.next_entry();
+  file.restart_line();
+  if (blank) return true;
+  throw Error(
+      fmt::format("cannot read {}: the line after image {} is not a list of observations X Y "
+                  "POINT3D_ID; each image needs two lines, of which the second may be empty",
+                  path, excerpt(image)));
 }
 
 // COLMAP's camera models. Parameters are one or two focal lengths, the principal point, then
@@ -145,8 +160,7 @@ Cameras cameras_bin(const std::string& path) {
 Cameras cameras_txt(const std::string& path) {
   Cameras cameras;
   ColmapText file(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS");
-  while (file.next_line()) {
-    if (file.line().empty()) continue;
+  while (file.next_entry()) {
     const auto id = file.number<uint32_t>("the camera id");
     const std::string name(file.word());
     const auto width = file.number<int64_t>("the width"),
@@ -215,16 +229,7 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
   std::vector<ColmapImage> images;
   std::set<uint32_t> known;
   ColmapText file(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of observations");
-  while (file.next_line()) {
-    if (file.line().empty()) {
-      while (file.next_line())
-        if (!file.line().empty())
-          throw Error(
-              fmt::format("cannot read {}: found an empty line instead of image {}; each image "
-                          "needs two lines, of which the second may be empty",
-                          path, images.size() + 1));
-      break;
-    }
+  for (bool more = file.next_entry(); more;) {
     require_new(known, file.number<uint32_t>("the image id"), path);
     double q[4], t[3];
     for (double& value : q) value = file.number<double>("a quaternion component");
@@ -234,7 +239,7 @@ std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& came
     if (name.empty()) file.refuse("ends before the image name");
     images.push_back(make_image(name, q, t, camera_id, cameras, path));
     require_modest(images.size(), "images", path);
-    skip_observations(file, path, name);
+    more = skip_observations(file, path, name);
   }
   return images;
 }
@@ -290,8 +295,7 @@ size_t room_in_lines(const std::string& path) {
 PointCloud points_txt(const std::string& path) {
   PointCloud points = room_for_points(room_in_lines(path));
   ColmapText file(path, "POINT3D_ID X Y Z R G B ERROR TRACK");
-  while (file.next_line()) {
-    if (file.line().empty()) continue;
+  while (file.next_entry()) {
     file.number<uint64_t>("the point id");
     double xyz[3];
     int rgb[3];
