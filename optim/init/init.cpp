@@ -317,7 +317,7 @@ void require_init_file(const TrainOptions& config) {
 void require_first_points(const Scene& scene, const InitOptions& init) {
   if (init.from == InitFrom::points && scene.points.size() == 0)
     throw Error("init.from is \"points\", but scene '" + scene.name +
-                "' has no points (points3D.ply or sparse/0/points3D.bin)");
+                "' has no points (points3D.ply or a COLMAP model in sparse/)");
   if (init.from == InitFrom::visual_hull && !scene.has_alpha)
     throw Error("init.from is \"visual-hull\", but the images of scene '" + scene.name +
                 "' have no alpha or masks that show the object");

@@ -49,7 +49,8 @@ Scene read_recognised(const std::string& path, const SceneOptions& options) {
   throw Error(fmt::format(
       "{} has no known scene layout: looked for poses_bounds.npy (N3V), train_meta.json "
       "(Panoptic), dataset.json and metadata.json (nerfies), input/ (Consistent4D), "
-      "transforms_train.json (Blender, D-NeRF), transforms.json (nerfstudio), sparse/0/ (COLMAP) "
+      "transforms_train.json (Blender, D-NeRF), transforms.json (nerfstudio), sparse/ or sparse/0/ "
+      "(COLMAP) "
       "and numbered images 0.png, 1.png, ...; for a video, give the path of the file",
       path));
 }

@@ -421,6 +421,68 @@ TEST(Colmap, AnImageInAFolderHasANameWithout) {
   EXPECT_EQ(scene.test.at(0).name.size(), 100u + 17);  // truncated, with a hash
 }
 
+// As written by colmap image_undistorter.
+TEST(Colmap, AModelMayBeInSparseItself) {
+  const TemporaryFolder folder;
+  for (const bool binary : {false, true}) {
+    std::filesystem::remove_all(folder.file("sparse"));
+    if (binary)
+      make_binary(folder);
+    else
+      make_text(folder);
+    std::filesystem::rename(folder.file("sparse/0"), folder.file("moved"));
+    std::filesystem::remove(folder.file("sparse"));
+    std::filesystem::rename(folder.file("moved"), folder.file("sparse"));
+    make_png(folder, "images/a.png");
+    make_png(folder, "images/b.png");
+    make_png(folder, "input/0.png");
+    const Scene scene = read_scene(folder.path());
+    EXPECT_EQ(scene.layout, "colmap");
+    EXPECT_EQ(scene.train.size(), 1u);
+    EXPECT_EQ(scene.points.size(), 1u);
+    EXPECT_TRUE(scene.notices.empty());
+  }
+}
+
+TEST(Colmap, OfSeveralModelsTheOneWithMostImagesIsReadAndTold) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::filesystem::rename(folder.file("sparse/0"), folder.file("sparse/10"));
+  folder.write("sparse/2/cameras.txt", "7 FOV 8 6 10 10 4 3 0.1\n");  // not read
+  folder.write("sparse/2/images.txt", "1 1 0 0 0 0 0 0 7 c.png\n\n");
+  folder.write("sparse/2/points3D.txt", "");
+  folder.write("sparse/log/cameras.txt", "no model");
+  for (const char* name : {"a", "b", "c"}) make_png(folder, fmt::format("images/{}.png", name));
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.cameras.size(), 2u);
+  ASSERT_FALSE(scene.notices.empty());
+  EXPECT_EQ(scene.notices[0],
+            fmt::format("using COLMAP model {0}/sparse/10 with 2 registered images; not used: "
+                        "{0}/sparse/2 with 1",
+                        folder.path()));
+}
+
+TEST(Colmap, PointsMayBeAPlyOrMissing) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  write_point_cloud(folder.file("sparse/0/points3D.ply"), {{1, 2, 3}, {4, 5, 6}});
+  EXPECT_EQ(read_scene(folder.path()).points.xyz, (std::vector<double>{0.5, -1, 2}));
+  std::filesystem::remove(folder.file("sparse/0/points3D.txt"));
+  EXPECT_EQ(read_scene(folder.path()).points.xyz, (std::vector<double>{1, 2, 3}));
+  EXPECT_TRUE(read_scene(folder.path()).notices.empty());
+  std::filesystem::remove(folder.file("sparse/0/points3D.ply"));
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.points.size(), 0u);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0], "COLMAP model " + folder.file("sparse/0") +
+                                  " has no points3D file: starting without "
+                                  "its points");
+  write_point_cloud(folder.file("points3D.ply"), {{7, 8, 9}, {4, 5, 6}});
+  EXPECT_EQ(read_scene(folder.path()).points.xyz, (std::vector<double>{7, 8, 9}));
+}
+
 TEST(Colmap, NamesOfWindowsHaveSlashes) {
   const TemporaryFolder folder;
   make_text(folder);

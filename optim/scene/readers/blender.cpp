@@ -77,7 +77,7 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   add_truth(folder, "train", interval, scene.train);
   add_truth(folder, "test", interval, scene.test);
   add_truth(folder, "val", interval, scene.val);
-  scene.points = find_points(folder);
+  scene.points = find_points(folder, scene.notices);
   for (auto* split : {&scene.train, &scene.test, &scene.val}) find_tracks(scene, *split);
   return scene;
 }

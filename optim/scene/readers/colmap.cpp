@@ -23,18 +23,28 @@ std::string mask_of(const std::string& folder, const std::string& name, const st
                         {path, path + ".png", fs::path(path).replace_extension(".png").string()});
 }
 
-}  // namespace
-
-bool is_colmap(const std::string& folder) {
-  return fs::is_directory(fs::path(folder) / "sparse/0");
+// The points of the model, else a point cloud in the folder of the scene.
+PointCloud points_of(const std::string& folder, const std::string& sparse, const ColmapModel& model,
+                     std::vector<std::string>& notices) {
+  if (model.points.size() > 0) return model.points;
+  const std::string ply = find_points_ply(folder);
+  if (!ply.empty()) return read_point_cloud(ply);
+  if (first_existing(sparse, {"points3D.bin", "points3D.txt", "points3D.ply"}).empty())
+    notices.push_back(
+        fmt::format("COLMAP model {} has no points3D file: starting without its points", sparse));
+  return {};
 }
 
+}  // namespace
+
+bool is_colmap(const std::string& folder) { return has_colmap_model(join(folder, "sparse")); }
+
 Scene read_colmap(const std::string& folder, const SceneOptions& options) {
-  const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
+  Scene scene;
+  const std::string sparse = find_colmap_model(join(folder, "sparse"), scene.notices);
   const ColmapModel model = read_colmap_model(sparse);
   const std::string images = options.images.empty() ? "images" : options.images;
   const std::string image_folder = (fs::path(folder) / images).string();
-  Scene scene;
   scene.layout = "colmap";
   scene.steps = 1;
   scene.fps = 24;
@@ -59,7 +69,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;
     (tested ? scene.test : scene.train).push_back(frame);
   }
-  scene.points = model.points;
+  scene.points = points_of(folder, sparse, model, scene.notices);
   return scene;
 }
 

@@ -180,8 +180,15 @@ Cameras cameras_txt(const std::string& path) {
   return cameras;
 }
 
-ColmapImage make_image(const std::string& name, const double q[4], const double t[3],
-                       uint32_t camera_id, const Cameras& cameras, const std::string& path) {
+// An image as it is stored.
+struct StoredImage {
+  std::string name;
+  double q[4], t[3];
+  uint32_t camera_id;
+};
+
+ColmapImage make_image(const StoredImage& stored, const Cameras& cameras, const std::string& path) {
+  const auto& [name, q, t, camera_id] = stored;
   const auto found = cameras.find(camera_id);
   if (found == cameras.end())
     throw Error(fmt::format("{} assigns image {} to camera {}, which is not in the model", path,
@@ -205,41 +212,39 @@ void require_new(std::set<uint32_t>& known, uint32_t id, const std::string& path
     throw Error(fmt::format("{} has image {} twice; image ids must be unique", path, id));
 }
 
-std::vector<ColmapImage> images_bin(const std::string& path, const Cameras& cameras) {
+std::vector<StoredImage> images_bin(const std::string& path) {
   ColmapBinary file(path);
-  std::vector<ColmapImage> images;
+  std::vector<StoredImage> images;
   const uint64_t count = file.next_count(64);
   require_modest(count, "images", path);
   std::set<uint32_t> known;
   for (uint64_t n = count; n > 0; --n) {
     require_new(known, file.next<uint32_t>(), path);
-    double q[4], t[3];
-    for (double& value : q) value = file.next<double>();
-    for (double& value : t) value = file.next<double>();
-    const auto camera_id = file.next<uint32_t>();
-    const std::string name = file.next_name();
+    StoredImage& image = images.emplace_back();
+    for (double& value : image.q) value = file.next<double>();
+    for (double& value : image.t) value = file.next<double>();
+    image.camera_id = file.next<uint32_t>();
+    image.name = file.next_name();
     file.skip(file.next_count(24), 24);  // x, y, point id
-    images.push_back(make_image(name, q, t, camera_id, cameras, path));
   }
   file.require_end();
   return images;
 }
 
-std::vector<ColmapImage> images_txt(const std::string& path, const Cameras& cameras) {
-  std::vector<ColmapImage> images;
+std::vector<StoredImage> images_txt(const std::string& path) {
+  std::vector<StoredImage> images;
   std::set<uint32_t> known;
   ColmapText file(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of observations");
   for (bool more = file.next_entry(); more;) {
     require_new(known, file.number<uint32_t>("the image id"), path);
-    double q[4], t[3];
-    for (double& value : q) value = file.number<double>("a quaternion component");
-    for (double& value : t) value = file.number<double>("a translation component");
-    const auto camera_id = file.number<uint32_t>("the camera id");
-    const std::string name = file.rest();
-    if (name.empty()) file.refuse("ends before the image name");
-    images.push_back(make_image(name, q, t, camera_id, cameras, path));
+    StoredImage& image = images.emplace_back();
+    for (double& value : image.q) value = file.number<double>("a quaternion component");
+    for (double& value : image.t) value = file.number<double>("a translation component");
+    image.camera_id = file.number<uint32_t>("the camera id");
+    image.name = file.rest();
+    if (image.name.empty()) file.refuse("ends before the image name");
     require_modest(images.size(), "images", path);
-    more = skip_observations(file, path, name);
+    more = skip_observations(file, path, image.name);
   }
   return images;
 }
@@ -306,9 +311,13 @@ PointCloud points_txt(const std::string& path) {
   return points;
 }
 
-// NAME.bin or NAME.txt in a folder. Error if there is neither.
-std::string model_file(const std::string& folder, const std::string& name) {
-  const std::string path = first_existing(folder, {name + ".bin", name + ".txt"});
+// NAME.bin or NAME.txt in a folder; empty if there is neither.
+std::string found_file(const std::string& folder, const std::string& name) {
+  return first_existing(folder, {name + ".bin", name + ".txt"});
+}
+
+std::string needed_file(const std::string& folder, const std::string& name) {
+  const std::string path = found_file(folder, name);
   if (path.empty())
     throw Error(fmt::format("COLMAP model {} has neither {}.bin nor {}.txt", folder, name, name));
   return path;
@@ -316,25 +325,64 @@ std::string model_file(const std::string& folder, const std::string& name) {
 
 bool is_binary(const std::string& path) { return fs::path(path).extension() == ".bin"; }
 
+std::vector<StoredImage> stored_images(const std::string& path) {
+  return is_binary(path) ? images_bin(path) : images_txt(path);
+}
+
+// The folders of all models. `sparse` itself is the first, because it is written last, from one of
+// the others.
+std::vector<std::string> model_folders(const std::string& sparse) {
+  std::vector<std::string> folders;
+  if (is_colmap_model(sparse)) folders.push_back(sparse);
+  for (const std::string& name : list_folders(sparse))
+    if (name.find_first_not_of("0123456789") == std::string::npos &&
+        is_colmap_model(join(sparse, name)))
+      folders.push_back(join(sparse, name));
+  return folders;
+}
+
 }  // namespace
 
-bool has_colmap_points(const std::string& folder) {
-  return !first_existing(folder, {"points3D.bin", "points3D.txt"}).empty();
+bool is_colmap_model(const std::string& folder) {
+  return !found_file(folder, "cameras").empty() && !found_file(folder, "images").empty();
+}
+
+bool has_colmap_model(const std::string& sparse) {
+  return fs::is_directory(join(sparse, "0")) || !model_folders(sparse).empty();
+}
+
+std::string find_colmap_model(const std::string& sparse, std::vector<std::string>& notices) {
+  const std::vector<std::string> folders = model_folders(sparse);
+  if (folders.empty()) return fs::is_directory(join(sparse, "0")) ? join(sparse, "0") : "";
+  if (folders.size() == 1) return folders[0];
+  std::vector<size_t> counts;
+  for (const std::string& folder : folders)
+    counts.push_back(stored_images(needed_file(folder, "images")).size());
+  const size_t best = size_t(std::max_element(counts.begin(), counts.end()) - counts.begin());
+  std::string others;
+  for (size_t i = 0; i < folders.size(); ++i)
+    if (i != best)
+      others += fmt::format("{}{} with {}", others.empty() ? "" : ", ", folders[i], counts[i]);
+  notices.push_back(fmt::format("using COLMAP model {} with {} registered images; not used: {}",
+                                folders[best], counts[best], others));
+  return folders[best];
 }
 
 PointCloud read_colmap_points(const std::string& folder) {
-  const std::string path = model_file(folder, "points3D");
-  return is_binary(path) ? points_bin(path) : points_txt(path);
+  std::string path = found_file(folder, "points3D");
+  if (!path.empty()) return is_binary(path) ? points_bin(path) : points_txt(path);
+  path = first_existing(folder, {"points3D.ply"});
+  return path.empty() ? PointCloud{} : read_point_cloud(path);
 }
 
 ColmapModel read_colmap_model(const std::string& folder) {
-  const std::string cameras_path = model_file(folder, "cameras");
-  const std::string images_path = model_file(folder, "images");
+  const std::string cameras_path = needed_file(folder, "cameras");
+  const std::string images_path = needed_file(folder, "images");
   const Cameras cameras =
       is_binary(cameras_path) ? cameras_bin(cameras_path) : cameras_txt(cameras_path);
   ColmapModel model;
-  model.images =
-      is_binary(images_path) ? images_bin(images_path, cameras) : images_txt(images_path, cameras);
+  for (const StoredImage& image : stored_images(images_path))
+    model.images.push_back(make_image(image, cameras, images_path));
   if (model.images.empty()) throw Error(fmt::format("{} has no images", images_path));
   std::sort(model.images.begin(), model.images.end(),
             [](const auto& a, const auto& b) { return natural_less(a.name, b.name); });

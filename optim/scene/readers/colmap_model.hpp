@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP models: {cameras,images,points3D}.{bin,txt} of a sparse/0 folder; binary is preferred.
+// COLMAP models: {cameras,images,points3D}.{bin,txt} in a folder; binary is preferred.
 #pragma once
 #include <string>
 #include <vector>
@@ -21,14 +21,23 @@ struct ColmapModel {
   PointCloud points;
 };
 
-// Reads the model in a folder; distortion becomes Camera::lens. Error if a file is missing,
-// truncated or contradicts another, or if a camera model is unknown.
+// Whether a folder has the cameras and images of a model.
+bool is_colmap_model(const std::string& folder);
+
+// The folder of the model in `sparse`, which has its files itself, as written by colmap
+// image_undistorter, or in folders 0, 1, ..., as written by colmap mapper: one for each part of the
+// scene that could not be joined to another. Of several models the one with the most images, with a
+// notice. Without a model sparse/0 if it exists, else empty.
+std::string find_colmap_model(const std::string& sparse, std::vector<std::string>& notices);
+// Whether find_colmap_model finds a folder.
+bool has_colmap_model(const std::string& sparse);
+
+// Reads the model in a folder; distortion becomes Camera::lens. Points may be missing. Error if
+// another file is missing, if one is truncated or contradicts another, or if a camera model is
+// unknown.
 ColmapModel read_colmap_model(const std::string& folder);
 
-// Reads only points3D.{bin,txt} of a folder.
+// Reads only points3D.{bin,txt,ply} of a folder, the first that exists; empty if there is none.
 PointCloud read_colmap_points(const std::string& folder);
-
-// Whether a folder has points3D.bin or .txt.
-bool has_colmap_points(const std::string& folder);
 
 }  // namespace gflow

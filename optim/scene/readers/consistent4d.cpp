@@ -140,7 +140,7 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
     scene.test = scene.train;
     for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
   }
-  scene.points = find_points(folder);
+  scene.points = find_points(folder, scene.notices);
   if (given_one && scene.points.size() == 0) scene.extent = options.radius;
   return scene;
 }

@@ -235,14 +235,18 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
 
 // A COLMAP model of the same cameras may have its own world, as in the published recordings. Its
 // points are then aligned to the world of poses_bounds.npy.
-PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras) {
-  PointCloud points = find_points(folder);
-  const std::string sparse = join(folder, "sparse/0");
-  if (!find_points_ply(folder).empty() || !has_colmap_points(sparse)) return points;
+PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras,
+                       std::vector<std::string>& notices) {
+  const std::string ply = find_points_ply(folder);
+  if (!ply.empty()) return read_point_cloud(ply);
+  const std::string folder_of_model = find_colmap_model(join(folder, "sparse"), notices);
+  if (folder_of_model.empty()) return {};
+  if (!is_colmap_model(folder_of_model)) return read_colmap_points(folder_of_model);
+  ColmapModel model = read_colmap_model(folder_of_model);
   std::vector<Camera> colmap;
-  for (const ColmapImage& image : read_colmap_model(sparse).images) colmap.push_back(image.camera);
-  if (colmap.size() != cameras.size() || cameras.size() < 2) return points;
-  return align_points(points, colmap, cameras) ? points : PointCloud{};
+  for (const ColmapImage& image : model.images) colmap.push_back(image.camera);
+  if (colmap.size() != cameras.size() || cameras.size() < 2) return model.points;
+  return align_points(model.points, colmap, cameras) ? model.points : PointCloud{};
 }
 
 }  // namespace
@@ -274,7 +278,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
     split.insert(split.end(), frames.begin(), frames.end());
   }
   for (const Footage& one : footage) scene.has_alpha |= one.alpha;
-  scene.points = read_points(folder, scene.cameras);
+  scene.points = read_points(folder, scene.cameras, scene.notices);
   return scene;
 }
 

@@ -130,9 +130,9 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
 }
 
 // init_pt_cld.npz: 'data' [n, 7] or [n, 6]: x y z, red green blue (full_intensity), segment.
-PointCloud read_points(const std::string& folder) {
+PointCloud read_points(const std::string& folder, std::vector<std::string>& notices) {
   const std::string path = (fs::path(folder) / "init_pt_cld.npz").string();
-  if (!fs::exists(path)) return find_points(folder);
+  if (!fs::exists(path)) return find_points(folder, notices);
   const Arrays arrays = read_npz(path, {"data"});
   const Array& data = array_named(arrays, "data", path);
   if (data.shape.size() != 2 || data.shape[1] < 6)
@@ -187,7 +187,7 @@ Scene read_panoptic(const std::string& folder, const SceneOptions& options) {
     if (frame.step >= scene.steps)
       throw Error(fmt::format("{} has more times than the {} of {}", meta("test_meta.json"),
                               scene.steps, meta("train_meta.json")));
-  scene.points = read_points(folder);
+  scene.points = read_points(folder, scene.notices);
   return scene;
 }
 

@@ -172,13 +172,11 @@ std::string find_points_ply(const std::string& folder) {
   return first_existing(folder, {"points3D.ply", "points3d.ply", "points_t0.ply", "fused.ply"});
 }
 
-PointCloud find_points(const std::string& folder) {
+PointCloud find_points(const std::string& folder, std::vector<std::string>& notices) {
   const std::string ply = find_points_ply(folder);
   if (!ply.empty()) return read_point_cloud(ply);
-  const std::string sparse = (fs::path(folder) / "sparse" / "0").string();
-  if (has_colmap_points(sparse)) return read_colmap_points(sparse);
-  const std::string sparse_ply = first_existing(sparse, {"points3D.ply"});
-  return sparse_ply.empty() ? PointCloud{} : read_point_cloud(sparse_ply);
+  const std::string model = find_colmap_model(join(folder, "sparse"), notices);
+  return model.empty() ? PointCloud{} : read_colmap_points(model);
 }
 
 std::vector<double> distinct_times(const std::vector<Frame>& frames) {

@@ -59,9 +59,9 @@ int find_or_add(std::vector<Camera>& cameras, const Camera& camera);
 // The first of points3D.ply, points3d.ply, points_t0.ply, fused.ply in the folder, or empty.
 std::string find_points_ply(const std::string& folder);
 
-// Initial points of a scene: find_points_ply, else sparse/0/points3D.{bin,txt,ply}; empty if there
-// is no such file.
-PointCloud find_points(const std::string& folder);
+// Initial points of a scene: find_points_ply, else those of the COLMAP model in sparse/; empty if
+// there are none.
+PointCloud find_points(const std::string& folder, std::vector<std::string>& notices);
 
 // The distinct times of the frames in increasing order.
 std::vector<double> distinct_times(const std::vector<Frame>& frames);

@@ -29,7 +29,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options);
 // or the folder itself, with or without alpha, and test views in eval_0 ... eval_3 at azimuths -75,
 // 15, 105 and 195 degrees. The input camera is given by options.cameras or is at azimuth 0. Times
 // follow the numbers, so that missing images leave a gap. Without eval views the input view is the
-// test view. An input/ beside sparse/0/ is COLMAP's input and does not count as this layout.
+// test view. An input/ beside a COLMAP model is its input and does not count as this layout.
 bool has_input_view(const std::string& folder);
 bool has_numbered_images(const std::string& folder);
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options);
@@ -52,7 +52,8 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options);
 bool is_panoptic(const std::string& folder);
 Scene read_panoptic(const std::string& folder, const SceneOptions& options);
 
-// COLMAP: sparse/0/ and an image folder (options.images, else images). A static scene of one step.
+// COLMAP: the model in sparse/ (find_colmap_model) and an image folder (options.images, else
+// images). A static scene of one step.
 // masks/NAME or masks/NAME.png is the alpha of image NAME.
 bool is_colmap(const std::string& folder);
 Scene read_colmap(const std::string& folder, const SceneOptions& options);
