@@ -483,6 +483,41 @@ TEST(Colmap, PointsMayBeAPlyOrMissing) {
   EXPECT_EQ(read_scene(folder.path()).points.xyz, (std::vector<double>{7, 8, 9}));
 }
 
+TEST(Colmap, ImagesThatAreNotRegisteredAreCountedAndTold) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* name : {"a.png", "b.png", "c.png", "more/d.JPG", ".hidden/e.png", "notes.txt"})
+    make_png(folder, std::string("images/") + name);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.cameras.size(), 2u);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0],
+            fmt::format("2 of 4 images in {0}/images are left out: they are not registered in "
+                        "{0}/sparse/0",
+                        folder.path()));
+}
+
+TEST(Colmap, ReducedImagesAreSelectedAndTheirCamerasFollow) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "images_2/a.png", 4, 3);
+  make_png(folder, "images_2/b.jpg", 4, 3);
+  SceneOptions options;
+  options.images = "images_2";
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_TRUE(scene.notices.empty());
+  for (const Camera& camera : scene.cameras) {
+    EXPECT_EQ(camera.width, 4);
+    EXPECT_NEAR(camera.fx, 5, 1e-12);
+    EXPECT_NEAR(camera.cy, 1.5, 1e-12);
+  }
+  options.images = "images_4";
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"no folder", "images_4", "scene.images selects another: images, images_2"});
+}
+
 TEST(Colmap, NamesOfWindowsHaveSlashes) {
   const TemporaryFolder folder;
   make_text(folder);

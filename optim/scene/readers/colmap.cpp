@@ -23,6 +23,41 @@ std::string mask_of(const std::string& folder, const std::string& name, const st
                         {path, path + ".png", fs::path(path).replace_extension(".png").string()});
 }
 
+// The image in the folder. Reduced copies of images may have another extension.
+std::string image_file(const std::string& folder, const std::string& name,
+                       const std::string& sparse) {
+  const fs::path path = path_inside(folder, name, sparse);
+  if (fs::is_regular_file(path)) return path.string();
+  for (const char* extension : {".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"})
+    if (const fs::path other = fs::path(path).replace_extension(extension);
+        fs::is_regular_file(other))
+      return other.string();
+  throw Error(
+      fmt::format("{} lists image {}, but there is no file {}", sparse, name, path.string()));
+}
+
+// The folder of the images. Error if it does not exist, with the folders that do.
+std::string image_folder_of(const std::string& folder, const SceneOptions& options) {
+  const std::string path = join(folder, options.images.empty() ? "images" : options.images);
+  if (fs::is_directory(path)) return path;
+  std::string others;
+  for (const std::string& name : list_folders(folder))
+    if (!list_images(join(folder, name)).empty()) others += (others.empty() ? "" : ", ") + name;
+  throw Error(fmt::format("there is no folder {} for the images of {}{}", path, folder,
+                          others.empty() ? "" : "; scene.images selects another: " + others));
+}
+
+// A notice if the folder has images other than those in use.
+void report_unregistered(const std::string& folder, const std::string& sparse,
+                         const std::set<std::string>& used, std::vector<std::string>& notices) {
+  size_t all = 0, unused = 0;
+  for (const std::string& name : list_images_below(folder)) ++all, unused += !used.count(name);
+  if (unused > 0)
+    notices.push_back(
+        fmt::format("{} of {} images in {} are left out: they are not registered in {}", unused,
+                    all, folder, sparse));
+}
+
 // The points of the model, else a point cloud in the folder of the scene.
 PointCloud points_of(const std::string& folder, const std::string& sparse, const ColmapModel& model,
                      std::vector<std::string>& notices) {
@@ -43,21 +78,17 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   const std::string sparse = find_colmap_model(join(folder, "sparse"), scene.notices);
   const ColmapModel model = read_colmap_model(sparse);
-  const std::string images = options.images.empty() ? "images" : options.images;
-  const std::string image_folder = (fs::path(folder) / images).string();
+  const std::string image_folder = image_folder_of(folder, options);
   scene.layout = "colmap";
   scene.steps = 1;
   scene.fps = 24;
-  std::set<std::string> names;
+  std::set<std::string> used;
   for (size_t i = 0; i < model.images.size(); ++i) {
     const ColmapImage& image = model.images[i];
-    if (!names.insert(image.name).second)
-      throw Error(fmt::format("{} lists image {} twice", sparse, image.name));
     Frame frame;
-    frame.path = path_inside(image_folder, image.name, sparse);
-    if (!fs::is_regular_file(frame.path))
-      throw Error(fmt::format("{} lists image {}, but there is no file {}", sparse, image.name,
-                              frame.path));
+    frame.path = image_file(image_folder, image.name, sparse);
+    if (!used.insert(fs::path(frame.path).lexically_relative(image_folder).generic_string()).second)
+      throw Error(fmt::format("{} lists image {} twice", sparse, image.name));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha;
     if (options.masks != Masks::none) frame.mask_path = mask_of(folder, image.name, sparse);
@@ -69,6 +100,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;
     (tested ? scene.test : scene.train).push_back(frame);
   }
+  report_unregistered(image_folder, sparse, used, scene.notices);
   scene.points = points_of(folder, sparse, model, scene.notices);
   return scene;
 }

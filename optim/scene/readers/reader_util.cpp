@@ -38,6 +38,8 @@ bool has_extension(const fs::directory_entry& entry, const std::set<std::string>
   return entry.is_regular_file() && known.count(extension);
 }
 
+const std::set<std::string> image_extensions = {".png", ".jpg", ".jpeg"};
+
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 }  // namespace
@@ -65,7 +67,21 @@ bool natural_less(const std::string& a, const std::string& b) {
 }
 
 std::vector<std::string> list_images(const std::string& folder) {
-  return list(folder, [](const auto& e) { return has_extension(e, {".png", ".jpg", ".jpeg"}); });
+  return list(folder, [](const auto& e) { return has_extension(e, image_extensions); });
+}
+
+std::vector<std::string> list_images_below(const std::string& folder) {
+  std::vector<std::string> names;
+  std::error_code failed;
+  fs::recursive_directory_iterator at(folder, fs::directory_options::skip_permission_denied,
+                                      failed);
+  for (; !failed && at != fs::recursive_directory_iterator(); at.increment(failed)) {
+    const bool hidden = at->path().filename().string()[0] == '.';
+    if (hidden) at.disable_recursion_pending();
+    if (!hidden && has_extension(*at, image_extensions))
+      names.push_back(at->path().lexically_relative(folder).generic_string());
+  }
+  return names;
 }
 
 std::vector<std::string> list_folders(const std::string& folder) {

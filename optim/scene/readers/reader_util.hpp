@@ -14,6 +14,8 @@ namespace gflow {
 
 // Names in a folder in natural order (2 before 10); empty if the folder does not exist.
 std::vector<std::string> list_images(const std::string& folder);  // .png .jpg .jpeg
+// Images at any depth as paths relative to the folder, in no order.
+std::vector<std::string> list_images_below(const std::string& folder);
 std::vector<std::string> list_folders(const std::string& folder);
 std::vector<std::string> list_videos(const std::string& folder);  // .mp4 .avi .mov .mkv .webm
 
