@@ -332,6 +332,40 @@ TEST(Colmap, MasksBesideTheImagesBecomeAlpha) {
   EXPECT_EQ(scene.train[0].mask_path, "");
 }
 
+TEST(Colmap, MasksHaveUsualNames) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  folder.write("sparse/0/images.txt", "2 1 0 0 0 0 0 5 7 left/b.jpg\n\n");
+  make_png(folder, "images/left/b.jpg");
+  SceneOptions options;
+  options.test_every = 0;
+  for (const char* name : {"mask/left/mask_b.png", "masks/left/mask_b.png", "masks/left/b_mask.png",
+                           "masks/left/b.png", "masks/left/b.jpg.png", "masks/left/b.jpg"}) {
+    make_png(folder, name, 8, 6, 1);  // each one wins over those before
+    const Scene scene = read_scene(folder.path(), options);
+    EXPECT_EQ(scene.train.at(0).mask_path, folder.file(name));
+    EXPECT_TRUE(scene.notices.empty());
+  }
+}
+
+TEST(Colmap, MasksThatFitNoImageAreTold) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "masks/c.png", 8, 6, 1);
+  SceneOptions options;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_FALSE(scene.has_alpha);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0],
+            "masks in " + folder.file("masks") +
+                " are not used: none is named like an image (expected NAME.png, NAME.jpg.png, "
+                "NAME_mask.png or mask_NAME.png)");
+  options.masks = Masks::none;
+  EXPECT_TRUE(read_scene(folder.path(), options).notices.empty());
+}
+
 TEST(Colmap, WhatColmapWasGivenIsNoInputView) {
   const TemporaryFolder folder;
   make_text(folder);

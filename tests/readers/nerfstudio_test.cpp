@@ -150,6 +150,20 @@ TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
   EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
 }
 
+TEST(Nerfstudio, MasksThatTheFileDoesNotNameAreTold) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(0), frame(1)}));
+  make_png(folder, "masks/frame_1.png", 8, 6, 1);
+  SceneOptions options;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_FALSE(scene.has_alpha);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0], "masks in " + folder.file("masks") +
+                                  " are not used: no frame of transforms.json has a 'mask_path'");
+  options.masks = Masks::none;
+  EXPECT_TRUE(read_scene(folder.path(), options).notices.empty());
+}
+
 TEST(Nerfstudio, PathsOfWindowsHaveSlashes) {
   const TemporaryFolder folder;
   std::string windows = frame(1, R"(, "mask_path": "masks/1.png")");

@@ -7,6 +7,7 @@
 
 #include "optim/images/image_header.hpp"
 #include "optim/scene/readers/colmap_model.hpp"
+#include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "runtime/base/error.hpp"
@@ -14,14 +15,6 @@
 namespace gflow {
 namespace fs = std::filesystem;
 namespace {
-
-// masks/NAME, NAME.png as in COLMAP, or NAME with extension .png; empty if there is none.
-std::string mask_of(const std::string& folder, const std::string& name, const std::string& source) {
-  const std::string masks = (fs::path(folder) / "masks").string();
-  const std::string path = path_inside(masks, name, source);
-  return first_existing("",
-                        {path, path + ".png", fs::path(path).replace_extension(".png").string()});
-}
 
 // The image in the folder. Reduced copies of images may have another extension.
 std::string image_file(const std::string& folder, const std::string& name,
@@ -91,7 +84,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
       throw Error(fmt::format("{} lists image {} twice", sparse, image.name));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha;
-    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, image.name, sparse);
+    if (options.masks != Masks::none) frame.mask_path = find_mask(folder, image.name, sparse);
     scene.has_alpha |= !frame.mask_path.empty();
     frame.name = fs::path(image.name).replace_extension().generic_string();
     frame.camera = frame.track = int(i);  // without times the order of images is unknown
@@ -100,6 +93,11 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     const bool tested = options.test_every > 0 && i % size_t(options.test_every) == 0;
     (tested ? scene.test : scene.train).push_back(frame);
   }
+  if (options.masks != Masks::none)
+    report_unused_masks(folder,
+                        "none is named like an image (expected NAME.png, NAME.jpg.png, "
+                        "NAME_mask.png or mask_NAME.png)",
+                        scene);
   report_unregistered(image_folder, sparse, used, scene.notices);
   scene.points = points_of(folder, sparse, model, scene.notices);
   return scene;

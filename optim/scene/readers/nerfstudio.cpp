@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "optim/scene/readers/transforms_file.hpp"
@@ -91,6 +92,8 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
         fmt::format("{} has no training images: all {} frames are test images, by its lists or by "
                     "scene.test_every = {}",
                     file.path, frames.size(), options.test_every));
+  if (options.masks != Masks::none)
+    report_unused_masks(folder, "no frame of transforms.json has a 'mask_path'", scene);
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
   scene.points = points_of(folder, file, scene.notices);

@@ -54,7 +54,7 @@ Scene read_panoptic(const std::string& folder, const SceneOptions& options);
 
 // COLMAP: the model in sparse/ (find_colmap_model) and an image folder (options.images, else
 // images). A static scene of one step.
-// masks/NAME or masks/NAME.png is the alpha of image NAME.
+// Masks by name (find_mask).
 bool is_colmap(const std::string& folder);
 Scene read_colmap(const std::string& folder, const SceneOptions& options);
 
