@@ -126,6 +126,27 @@ TEST(Blender, IntrinsicsOfAFrameWinAndFollowTheImageSize) {
   EXPECT_NEAR(camera.cy, 2.5, 1e-12);
 }
 
+TEST(Blender, EachAxisHasItsFieldOfView) {
+  const TemporaryFolder folder;
+  const auto camera = [&](const std::string& top) {
+    make_blender(folder, frame("train/a", "", pose), top);
+    return read_scene(folder.path()).cameras.at(0);
+  };
+  const auto expect = [](const Camera& camera, double fx, double fy) {
+    EXPECT_NEAR(camera.fx, fx, 1e-9);
+    EXPECT_NEAR(camera.fy, fy, 1e-9);
+  };
+  // 90 degrees over 8 x 6 pixels; 2 atan(3 / 8) = 0.71754...
+  const std::string x = R"("camera_angle_x": 1.5707963267948966)";
+  const std::string y = R"("camera_angle_y": 0.7175413405411445)";
+  expect(camera(x + ", " + y), 4, 8);
+  expect(camera(x), 4, 4);
+  expect(camera(y), 8, 8);
+  expect(camera(R"("fl_x": 5, )" + y), 5, 8);
+  expect(camera(R"("fl_y": 5, )" + x + ", " + y), 4, 5);
+  expect_error([&] { camera(x + R"(, "camera_angle_y": 4)"); }, {"camera_angle_y", "(0, pi)"});
+}
+
 TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
   const auto with = [&](const std::string& frames,

@@ -77,22 +77,31 @@ Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera
                           where, excerpt(model)));
 }
 
+// Focal length along an axis [px]: fl_x, else by camera_angle_x, the field of view. Likewise y.
+std::optional<double> focal_length(const Transforms& file, const Json& frame,
+                                   const std::string& axis, int side, const std::string& where) {
+  const std::string length_key = "fl_" + axis, angle_key = "camera_angle_" + axis;
+  const auto length = inherited(file, frame, length_key.c_str(), where);
+  if (length) return length;
+  const auto angle = inherited(file, frame, angle_key.c_str(), where);
+  if (!angle) return std::nullopt;
+  if (!(*angle > 0 && *angle < M_PI))
+    throw Error(
+        fmt::format("'{}' of {} is {}, expected an angle in (0, pi)", angle_key, where, *angle));
+  return 0.5 * side / std::tan(0.5 * *angle);
+}
+
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
                  const std::string& image, int image_width, int image_height) {
   Camera camera;
   const double width = inherited(file, frame, "w", where).value_or(image_width);
   const double height = inherited(file, frame, "h", where).value_or(image_height);
   set_size(camera, width, height, where);
-  const auto fl_x = inherited(file, frame, "fl_x", where),
-             fl_y = inherited(file, frame, "fl_y", where);
-  const auto angle_x = inherited(file, frame, "camera_angle_x", where);
-  if (!fl_x && !angle_x)
-    throw Error(fmt::format("{} has neither 'camera_angle_x' nor 'fl_x'", where));
-  if (!fl_x && !(*angle_x > 0 && *angle_x < M_PI))
-    throw Error(
-        fmt::format("'camera_angle_x' of {} is {}, expected an angle in (0, pi)", where, *angle_x));
-  camera.fx = fl_x ? *fl_x : 0.5 * camera.width / std::tan(0.5 * *angle_x);
-  camera.fy = fl_y ? *fl_y : camera.fx;
+  const auto fx = focal_length(file, frame, "x", camera.width, where);
+  const auto fy = focal_length(file, frame, "y", camera.height, where);
+  if (!fx && !fy) throw Error(fmt::format("{} has neither 'camera_angle_x' nor 'fl_x'", where));
+  camera.fx = fx ? *fx : *fy;
+  camera.fy = fy ? *fy : *fx;
   camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
   camera.cy = inherited(file, frame, "cy", where).value_or(0.5 * camera.height);
   camera.viewmat = viewmat_of(frame, where);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Transforms files of Blender/D-NeRF and nerfstudio: a list of frames, each with file_path and
-// transform_matrix, optionally time and mask_path; intrinsics (camera_angle_x, or fl_x, fl_y, cx,
-// cy, w, h) and distortion for all frames or per frame.
+// transform_matrix, optionally time and mask_path; intrinsics (camera_angle_x, camera_angle_y, or
+// fl_x, fl_y, cx, cy, w, h) and distortion for all frames or per frame. Square pixels if only one
+// focal length is given.
 #pragma once
 #include <string>
 #include <vector>
