@@ -138,6 +138,29 @@ TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
   EXPECT_EQ(scene.cameras[0].lens.k, (std::array<double, 8>{.1, .02, .003, .004}));
 }
 
+// Of instant-ngp, which writes no camera_model.
+TEST(Nerfstudio, AFlagMakesALensAFisheye) {
+  const TemporaryFolder folder;
+  SceneOptions options;
+  options.test_every = 0;
+  const auto cameras = [&](const std::string& frames, const std::string& top) {
+    make_nerfstudio(folder, frames, std::string(intrinsics) + R"(, "k1": 0.1, "k4": 0.004)" + top);
+    return read_scene(folder.path(), options).cameras;
+  };
+  const Lens flagged = cameras(frame(1), R"(, "is_fisheye": true)").at(0).lens;
+  EXPECT_EQ(flagged.kind, Lens::Kind::fisheye);
+  EXPECT_EQ(flagged.k, (std::array<double, 8>{.1, 0, 0, .004}));
+  EXPECT_TRUE(flagged == cameras(frame(1), R"(, "camera_model": "OPENCV_FISHEYE")").at(0).lens);
+  EXPECT_EQ(cameras(frame(1), R"(, "is_fisheye": false)").at(0).lens.kind, Lens::Kind::radial);
+  const std::vector<Camera> own =
+      cameras(joined({frame(1), frame(2, R"(, "is_fisheye": true)")}), "");
+  EXPECT_EQ(own.at(0).lens.kind, Lens::Kind::radial);
+  EXPECT_EQ(own.at(1).lens.kind, Lens::Kind::fisheye);
+  expect_error([&] { cameras(frame(1), R"(, "is_fisheye": true, "camera_model": "OPENCV")"); },
+               {"frame 0 of", "camera_model 'OPENCV', but 'is_fisheye' is true"});
+  expect_error([&] { cameras(frame(1), R"(, "is_fisheye": 1)"); }, {"'is_fisheye'", "not true"});
+}
+
 TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
   const TemporaryFolder folder;
   make_nerfstudio(folder, joined({frame(0), frame(1, R"(, "mask_path": "masks/1.png")")}));

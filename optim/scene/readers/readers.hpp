@@ -34,10 +34,10 @@ bool has_input_view(const std::string& folder);
 bool has_numbered_images(const std::string& folder);
 Scene read_consistent4d(const std::string& folder, const SceneOptions& options);
 
-// nerfstudio: transforms.json. As Blender, with lens distortion (k1 ... k6, p1, p2; fisheye by
-// camera_model) and mask_path. Splits by train_filenames, val_filenames and test_filenames if
-// present, else every options.test_every-th image by name is a test image. Points from
-// ply_file_path. Without times a static scene.
+// nerfstudio, instant-ngp: transforms.json. As Blender, with lens distortion (k1 ... k6, p1, p2;
+// fisheye by camera_model or is_fisheye) and mask_path. Splits by train_filenames, val_filenames
+// and test_filenames if present, else every options.test_every-th image by name is a test image.
+// Points from ply_file_path. Without times a static scene.
 bool is_nerfstudio(const std::string& folder);
 Scene read_nerfstudio(const std::string& folder, const SceneOptions& options);
 

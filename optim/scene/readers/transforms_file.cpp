@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <initializer_list>
 #include <map>
 
 #include "optim/images/image_header.hpp"
@@ -58,23 +59,40 @@ std::string mask_of(const std::string& folder, const Transforms& file, const Jso
   return path;
 }
 
-// nerfstudio's camera models. Without 'camera_model' OPENCV is assumed; missing coefficients are 0.
+// instant-ngp's flag for an equidistant lens, whose coefficients are those of OPENCV_FISHEYE.
+bool is_fisheye(const Transforms& file, const Json& frame, const std::string& where) {
+  const Json& holder = frame.contains("is_fisheye") ? frame : file.json;
+  if (!holder.contains("is_fisheye")) return false;
+  if (!holder["is_fisheye"].is_boolean())
+    throw Error(fmt::format("'is_fisheye' of {} is not true or false", where));
+  return holder["is_fisheye"].get<bool>();
+}
+
+// nerfstudio's camera models, which are COLMAP's. Without 'camera_model' OPENCV is assumed, or
+// OPENCV_FISHEYE if 'is_fisheye' is true; missing coefficients are 0.
 Camera with_lens(const Transforms& file, const Json& frame, const Camera& camera,
                  const std::string& where) {
   const Json& holder = frame.contains("camera_model") ? frame : file.json;
+  const bool fisheye = is_fisheye(file, frame, where);
   const std::string model = holder.contains("camera_model")
                                 ? text(holder["camera_model"], "'camera_model' of " + where)
-                                : "OPENCV";
+                            : fisheye ? "OPENCV_FISHEYE"
+                                      : "OPENCV";
+  const auto is_one_of = [&](std::initializer_list<const char*> models) {
+    return std::find(models.begin(), models.end(), model) != models.end();
+  };
   const auto k = [&](const char* key) { return inherited(file, frame, key, where).value_or(0); };
   const std::string what = "the camera of " + where;
-  if (model == "OPENCV_FISHEYE")
+  if (is_one_of({"OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE"}))
     return pinhole_of_lens(camera, Lens::Kind::fisheye, {k("k1"), k("k2"), k("k3"), k("k4")}, what);
-  if (model == "OPENCV" || model == "PINHOLE" || model == "SIMPLE_PINHOLE")
-    return pinhole_of_lens(camera, Lens::Kind::radial,
-                           {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
-                           what);
-  throw Error(fmt::format("{} has camera_model '{}', expected PINHOLE, OPENCV or OPENCV_FISHEYE",
-                          where, excerpt(model)));
+  if (!is_one_of({"SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"}))
+    throw Error(fmt::format("{} has camera_model '{}', expected PINHOLE, OPENCV or OPENCV_FISHEYE",
+                            where, excerpt(model)));
+  if (fisheye)
+    throw Error(fmt::format("{} has camera_model '{}', but 'is_fisheye' is true", where, model));
+  return pinhole_of_lens(camera, Lens::Kind::radial,
+                         {k("k1"), k("k2"), k("p1"), k("p2"), k("k3"), k("k4"), k("k5"), k("k6")},
+                         what);
 }
 
 // Focal length along an axis [px]: fl_x, else by camera_angle_x, the field of view. Likewise y.
