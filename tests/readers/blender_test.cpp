@@ -114,6 +114,28 @@ TEST(Blender, TimesAreInAllFilesOrNone) {
   EXPECT_TRUE(read_scene(folder.path()).test.empty());
 }
 
+// Seconds or frame numbers. The range is that of all splits.
+TEST(Blender, TimesBeyondOneAreScaledTogetherAndTold) {
+  const TemporaryFolder folder;
+  make_blender(folder, frame("train/a", "2", pose) + "," + frame("train/b", "6", pose));
+  folder.write("transforms_test.json",
+               transforms(frame("train/c", "10", pose) + "," + frame("train/b", "5", pose),
+                          R"("camera_angle_x": 1.0)"));
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.steps, 2);
+  EXPECT_EQ(scene.train.at(0).time, 0);
+  EXPECT_EQ(scene.train.at(1).time, 0.5);
+  EXPECT_EQ(scene.test.at(0).time, 0.375);
+  EXPECT_EQ(scene.test.at(1).time, 1);
+  EXPECT_EQ(scene.test.at(1).step, 1);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0], "the times in " + folder.path() +
+                                  "/transforms_*.json are 2 to 10: they are scaled to 0 to 1");
+  make_blender(folder, frame("train/a", "7", pose) + "," + frame("train/b", "7", pose));
+  std::filesystem::remove(folder.file("transforms_test.json"));
+  EXPECT_EQ(read_scene(folder.path()).train.at(1).time, 0);
+}
+
 TEST(Blender, IntrinsicsOfAFrameWinAndFollowTheImageSize) {
   const TemporaryFolder folder;
   make_blender(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),
@@ -161,7 +183,7 @@ TEST(Blender, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame("../a", "0", pose)); }, {"'../a'", "relative path"});
   expect_error([&] { with(frame("train/../../a", "0", pose)); }, {"relative path"});
   expect_error([&] { with(frame("/etc/a", "0", pose)); }, {"'/etc/a'", "relative path"});
-  expect_error([&] { with(frame("train/a", "1.5", pose)); }, {"'time'", "1.5", "0 to 1"});
+  expect_error([&] { with(frame("train/a", "-0.5", pose)); }, {"'time'", "-0.5", "0 or more"});
   expect_error([&] { with(frame("train/a", "\"x\"", pose)); }, {"'time'", "not a finite number"});
   expect_error([&] { with(frame("train/a", "0.5", pose) + ", " + frame("train/b", "", pose)); },
                {"frame 1 of", "has no 'time', but frame 0 has one"});

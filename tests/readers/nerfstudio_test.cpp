@@ -115,6 +115,19 @@ TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   EXPECT_NE(grey.notices[0].find("have no colours"), std::string::npos) << grey.notices[0];
 }
 
+TEST(Nerfstudio, TimesInFramesAreScaledAndTold) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(1, R"(, "time": 0)"), frame(2, R"(, "time": 25)"),
+                                  frame(3, R"(, "time": 100)")}));
+  SceneOptions options;
+  options.test_every = 0;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_EQ(scene.train.at(1).time, 0.25);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("transforms.json are 0 to 100"), std::string::npos);
+}
+
 TEST(Nerfstudio, DistortionIsTheFramesOwnOrThatOfAll) {
   const TemporaryFolder folder;
   make_nerfstudio(

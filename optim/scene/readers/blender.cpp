@@ -69,6 +69,8 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   scene.test = read_split(folder, "test", options, timed, scene);
   scene.val = read_split(folder, "val", options, timed, scene);
 
+  normalise_times({&scene.train, &scene.test, &scene.val}, join(folder, "transforms_*.json"),
+                  scene.notices);
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
   const double interval =

@@ -84,6 +84,7 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   scene.layout = "nerfstudio";
   scene.fps = 24;
   std::vector<Frame> frames = read_frames(folder, file, options, scene);
+  normalise_times({&frames}, file.path, scene.notices);
   std::stable_sort(frames.begin(), frames.end(),
                    [](const Frame& a, const Frame& b) { return natural_less(a.path, b.path); });
   split_frames(folder, file, options.test_every, frames, scene);

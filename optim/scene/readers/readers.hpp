@@ -13,8 +13,8 @@ namespace gflow {
 Scene read_video_file(const std::string& path, const SceneOptions& options);
 
 // D-NeRF / Blender: transforms_train.json, optionally transforms_{test,val}.json. OpenGL
-// camera-to-world matrices, times in [0, 1] (0 if absent), intrinsics for all frames or per frame.
-// find_tracks detects a moving camera.
+// camera-to-world matrices, times (0 if absent; scaled to [0, 1] if one exceeds 1), intrinsics for
+// all frames or per frame. find_tracks detects a moving camera.
 bool is_blender(const std::string& folder);
 Scene read_blender(const std::string& folder, const SceneOptions& options);
 

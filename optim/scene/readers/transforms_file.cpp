@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
+#include <limits>
 #include <map>
 
 #include "optim/images/image_header.hpp"
@@ -169,8 +170,8 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
           "{} has {} 'time', but frame 0 has {}: either all frames must have 'time' or none", where,
           time ? "a" : "no", time ? "none" : "one"));
     frame.time = time.value_or(0);
-    if (frame.time < 0 || frame.time > 1)
-      throw Error(fmt::format("'time' of {} is {}, expected 0 to 1", where, frame.time));
+    if (frame.time < 0)
+      throw Error(fmt::format("'time' of {} is {}, expected 0 or more", where, frame.time));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
     Camera camera = camera_of(file, entry, where, frame.path, header.width, header.height);
@@ -180,6 +181,20 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     frames.push_back(frame);
   }
   return frames;
+}
+
+void normalise_times(const std::vector<std::vector<Frame>*>& splits, const std::string& source,
+                     std::vector<std::string>& notices) {
+  double first = std::numeric_limits<double>::max(), last = 0;
+  for (const std::vector<Frame>* split : splits)
+    for (const Frame& frame : *split)
+      first = std::min(first, frame.time), last = std::max(last, frame.time);
+  if (last <= 1) return;
+  for (std::vector<Frame>* split : splits)
+    for (Frame& frame : *split)
+      frame.time = last > first ? (frame.time - first) / (last - first) : 0;
+  notices.push_back(
+      fmt::format("the times in {} are {} to {}: they are scaled to 0 to 1", source, first, last));
 }
 
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,

@@ -21,10 +21,15 @@ struct Transforms {
 Transforms read_transforms(const std::string& path);
 
 // Reads the frames in the order of the file and adds their cameras to the scene. Paths are relative
-// to `folder`; an image's extension may be omitted. Time is 0 if absent. Error if an image is
-// missing or a frame lacks its pose or intrinsics.
+// to `folder`; an image's extension may be omitted. Time is 0 if absent, and may exceed 1
+// (normalise_times). Error if an image is missing or a frame lacks its pose or intrinsics.
 std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
                                const SceneOptions& options, Scene& scene);
+
+// Scales the times of all frames together to [0, 1], with a notice, if any exceeds 1: seconds or
+// frame numbers. `source` names the files.
+void normalise_times(const std::vector<std::vector<Frame>*>& splits, const std::string& source,
+                     std::vector<std::string>& notices);
 
 // Reads only the cameras, in the order of the file, scaled to this size. Each is named by its
 // file_path, which need not exist. `image` is the image of this size, for errors.
