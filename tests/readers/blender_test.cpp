@@ -136,6 +136,25 @@ TEST(Blender, TimesBeyondOneAreScaledTogetherAndTold) {
   EXPECT_EQ(read_scene(folder.path()).train.at(1).time, 0);
 }
 
+TEST(Blender, PointsOfColmapAreAlignedByTheImages) {
+  const TemporaryFolder folder;
+  const char* const third = "[[1,0,0,1],[0,1,0,0],[0,0,1,5],[0,0,0,1]]";
+  make_blender(folder, frame("train/a", "0", pose) + "," + frame("train/b", "0.5", other_pose) +
+                           "," + frame("train/c", "1", third));
+  folder.write("transforms_test.json",
+               transforms(frame("train/a", "0", pose), R"("camera_angle_x": 1.5707963267948966)"));
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_PINHOLE 8 6 4 4 3\n");
+  folder.write("sparse/0/points3D.txt", "1 2 4 6 10 20 30 0.1\n");
+  // Twice as large: at (2, 4, 6), (0, 0, 6) and (2, 0, 10), turned by 180 degrees about x.
+  folder.write("sparse/0/images.txt",
+               "1 0 1 0 0 -2 4 6 7 a.jpg\n\n2 0 1 0 0 0 0 6 7 b.jpg\n\n"
+               "3 0 1 0 0 -2 0 10 7 c.jpg\n\n");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_TRUE(scene.notices.empty());
+  ASSERT_EQ(scene.points.size(), 1u);
+  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(scene.points.xyz[i], double(i + 1), 1e-12);
+}
+
 TEST(Blender, IntrinsicsOfAFrameWinAndFollowTheImageSize) {
   const TemporaryFolder folder;
   make_blender(folder, frame("train/a", "", pose, R"(, "fl_x": 20, "fl_y": 22, "cx": 9, "cy": 5)"),

@@ -133,6 +133,32 @@ TEST(N3v, TrueFlowAndDepthAreFound) {
   EXPECT_TRUE(scene.train[1].flow_path.empty());
 }
 
+TEST(N3v, PointsOfColmapAreAlignedByTheNamesOfCameras) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  folder.write("sparse/0/cameras.txt", "7 SIMPLE_PINHOLE 8 6 10 4 3\n");
+  folder.write("sparse/0/points3D.txt", "1 2 4 6 10 20 30 0.1\n");
+  const std::string images =  // twice as large
+      "1 1 0 0 0 -4 0 0 7 cam02.png\n\n2 1 0 0 0 -2 0 0 7 cam01.png\n\n"
+      "3 1 0 0 0 0 0 0 7 cam00.png\n\n4 1 0 0 0 9 0 0 7 a.png\n\n";
+  folder.write("sparse/0/images.txt", images);
+  Scene scene = read_scene(folder.path());
+  EXPECT_TRUE(scene.notices.empty());
+  ASSERT_EQ(scene.points.size(), 1u);
+  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(scene.points.xyz[i], double(i + 1), 1e-12);
+  folder.write("sparse/0/images.txt", std::string(images).replace(images.find("-2 0"), 4, "-2 9"));
+  scene = read_scene(folder.path());
+  EXPECT_EQ(scene.points.size(), 0u);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("its cameras do not agree with those of poses_bounds.npy"),
+            std::string::npos);
+  folder.write("sparse/0/images.txt", images.substr(images.find("3 1")));
+  scene = read_scene(folder.path());
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{2, 4, 6}));
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("are used as they are"), std::string::npos);
+}
+
 TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
   const TemporaryFolder folder;
   make_n3v(folder);

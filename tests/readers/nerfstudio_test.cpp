@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/ranges.h>
 
+#include <array>
+#include <filesystem>
 #include <regex>
 
 #include "optim/scene/scene.hpp"
@@ -28,6 +30,19 @@ void make_nerfstudio(const TemporaryFolder& folder, const std::string& frames,
                      const std::string& top = intrinsics) {
   for (int k = 0; k < 12; ++k) make_png(folder, fmt::format("images/frame_{}.png", k));
   folder.write("transforms.json", fmt::format(R"({{{}, "frames": [{}]}})", top, frames));
+}
+
+// A COLMAP model of frames 1, 2 and 3 (up to `last`) and a point (1, 2, 3), in another world:
+// frame() has p = 2 Q x + (1, 0, 0), where Q turns by 90 degrees about z.
+void make_colmap(const TemporaryFolder& folder, const std::string& sparse, int last = 3,
+                 double error = 0) {
+  folder.write(sparse + "/cameras.txt", "7 PINHOLE 16 12 20 22 9 5\n");
+  folder.write(sparse + "/points3D.txt", "1 1 2 3 10 20 30 0.1\n");
+  std::string images;
+  for (int k = 1; k <= last; ++k)
+    images += fmt::format("{} 0 1 -1 0 {} {} 1.5 7 frame_{}.jpg\n\n", k, 0.5 - 5 * k,
+                          1 + (k == 2 ? error : 0), k);
+  folder.write(sparse + "/images.txt", images);
 }
 
 std::vector<std::string> names_of(const std::vector<Frame>& frames) {
@@ -113,6 +128,44 @@ TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   const Scene grey = read_scene(folder.path(), options);
   ASSERT_EQ(grey.notices.size(), 1u);
   EXPECT_NE(grey.notices[0].find("have no colours"), std::string::npos) << grey.notices[0];
+}
+
+// transforms.json may be turned, moved and scaled against the model it was made from.
+TEST(Nerfstudio, PointsOfColmapAreMovedToTheWorldOfTheFrames) {
+  for (const char* sparse : {"sparse/0", "sparse", "colmap/sparse/0", "colmap_sparse/0"}) {
+    const TemporaryFolder folder;
+    make_nerfstudio(folder, joined({frame(1), frame(2), frame(3), frame(4)}));
+    make_colmap(folder, sparse);
+    const Scene scene = read_scene(folder.path());
+    EXPECT_EQ(scene.layout, "nerfstudio");
+    EXPECT_TRUE(scene.notices.empty());
+    ASSERT_EQ(scene.points.size(), 1u) << sparse;
+    for (size_t i = 0; i < 3; ++i)  // rounding of sums of lengths up to 30
+      EXPECT_NEAR(scene.points.xyz[i], (std::array<double, 3>{-3, 2, 6})[i], 1e-12);
+  }
+}
+
+TEST(Nerfstudio, PointsOfColmapThatCannotBeMovedAreLeftOutAndTold) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(1), frame(2), frame(3)}));
+  const auto expect_notice = [&](const std::string& why) {
+    const Scene scene = read_scene(folder.path());
+    EXPECT_EQ(scene.points.size(), 0u);
+    ASSERT_EQ(scene.notices.size(), 1u);
+    EXPECT_NE(scene.notices[0].find("the points of COLMAP model " + folder.file("sparse/0") +
+                                    " are not used: " + why),
+              std::string::npos)
+        << scene.notices[0];
+  };
+  make_colmap(folder, "sparse/0", 2);
+  expect_notice("aligning them to the cameras of " + folder.file("transforms.json") +
+                " needs three images that both name, but there are 2");
+  make_colmap(folder, "sparse/0", 3, 4);
+  expect_notice("its cameras do not agree with those of " + folder.file("transforms.json"));
+  std::filesystem::remove(folder.file("sparse/0/cameras.txt"));
+  expect_notice("it has no cameras");
+  folder.write("sparse/0/points3D.txt", "");
+  EXPECT_TRUE(read_scene(folder.path()).notices.empty());
 }
 
 TEST(Nerfstudio, TimesInFramesAreScaledAndTold) {

@@ -69,8 +69,8 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   scene.test = read_split(folder, "test", options, timed, scene);
   scene.val = read_split(folder, "val", options, timed, scene);
 
-  normalise_times({&scene.train, &scene.test, &scene.val}, join(folder, "transforms_*.json"),
-                  scene.notices);
+  const std::string files = join(folder, "transforms_*.json");
+  normalise_times({&scene.train, &scene.test, &scene.val}, files, scene.notices);
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
   const double interval =
@@ -79,7 +79,7 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   add_truth(folder, "train", interval, scene.train);
   add_truth(folder, "test", interval, scene.test);
   add_truth(folder, "val", interval, scene.val);
-  scene.points = find_points(folder, scene.notices);
+  scene.points = points_beside(folder, files, scene);
   for (auto* split : {&scene.train, &scene.test, &scene.val}) find_tracks(scene, *split);
   return scene;
 }

@@ -14,7 +14,7 @@
 #include "optim/images/image_header.hpp"
 #include "optim/images/video.hpp"
 #include "optim/scene/align_points.hpp"
-#include "optim/scene/readers/colmap_model.hpp"
+#include "optim/scene/readers/colmap_points.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "runtime/base/error.hpp"
@@ -234,7 +234,8 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
 }
 
 // A COLMAP model of the same cameras may have its own world, as in the published recordings. Its
-// points are then aligned to the world of poses_bounds.npy.
+// points are then aligned to the world of poses_bounds.npy, by three images or more that are named
+// like cameras, else by the order of the images if there are as many as cameras.
 PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras,
                        std::vector<std::string>& notices) {
   const std::string ply = find_points_ply(folder);
@@ -243,10 +244,28 @@ PointCloud read_points(const std::string& folder, const std::vector<Camera>& cam
   if (folder_of_model.empty()) return {};
   if (!is_colmap_model(folder_of_model)) return read_colmap_points(folder_of_model);
   ColmapModel model = read_colmap_model(folder_of_model);
-  std::vector<Camera> colmap;
-  for (const ColmapImage& image : model.images) colmap.push_back(image.camera);
-  if (colmap.size() != cameras.size() || cameras.size() < 2) return model.points;
-  return align_points(model.points, colmap, cameras) ? model.points : PointCloud{};
+  if (model.points.size() == 0) return {};
+  std::vector<ColmapImage> ours;
+  for (const Camera& camera : cameras) ours.push_back({camera.name, camera});
+  auto [from, to] = common_cameras(model.images, ours);
+  if (from.size() < 3) {
+    if (model.images.size() != cameras.size() || cameras.size() < 2) {
+      notices.push_back(
+          fmt::format("the points of COLMAP model {} are used as they are: its images are not "
+                      "named like the cameras of poses_bounds.npy",
+                      folder_of_model));
+      return model.points;
+    }
+    from.clear();
+    for (const ColmapImage& image : model.images) from.push_back(image.camera);
+    to = cameras;
+  }
+  if (align_points(model.points, from, to)) return model.points;
+  notices.push_back(
+      fmt::format("the points of COLMAP model {} are not used: its cameras do not agree with those "
+                  "of poses_bounds.npy",
+                  folder_of_model));
+  return {};
 }
 
 }  // namespace

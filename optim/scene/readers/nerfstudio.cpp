@@ -64,9 +64,10 @@ void split_frames(const std::string& folder, const Transforms& file, int test_ev
     (test_every > 0 && i % size_t(test_every) == 0 ? scene.test : scene.train).push_back(frames[i]);
 }
 
-PointCloud points_of(const std::string& folder, const Transforms& file,
-                     std::vector<std::string>& notices) {
-  if (!file.json.contains("ply_file_path")) return find_points(folder, notices);
+// nerfstudio moves the points of 'ply_file_path' to the world of the frames (its
+// applied_transform).
+PointCloud points_of(const std::string& folder, const Transforms& file, Scene& scene) {
+  if (!file.json.contains("ply_file_path")) return points_beside(folder, file.path, scene);
   const std::string relative = text(file.json["ply_file_path"], "'ply_file_path' of " + file.path);
   return read_point_cloud(path_inside(folder, relative, file.path));
 }
@@ -97,7 +98,7 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
     report_unused_masks(folder, "no frame of transforms.json has a 'mask_path'", scene);
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
-  scene.points = points_of(folder, file, scene.notices);
+  scene.points = points_of(folder, file, scene);
   for (auto* split : {&scene.train, &scene.test, &scene.val}) {
     set_steps(times, *split);
     find_tracks(scene, *split);

@@ -20,8 +20,8 @@ Scene read_blender(const std::string& folder, const SceneOptions& options);
 
 // Plenoptic video / N3V: poses_bounds.npy with camNN/images/ (preferred) or camNN.mp4, or with one
 // image per camera in images/ or images_N/: options.images, else the smallest images (the largest
-// N). Camera options.holdout is the test camera. Points of a COLMAP model with as many images as
-// cameras are aligned to the poses, and dropped if that fails.
+// N). Camera options.holdout is the test camera. Points of a COLMAP model are aligned to the
+// poses, and dropped if that fails.
 bool is_n3v(const std::string& folder);
 Scene read_n3v(const std::string& folder, const SceneOptions& options);
 

@@ -14,6 +14,7 @@
 
 #include "optim/images/image_header.hpp"
 #include "optim/scene/lens.hpp"
+#include "optim/scene/readers/colmap_points.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/base/printable.hpp"
@@ -195,6 +196,24 @@ void normalise_times(const std::vector<std::vector<Frame>*>& splits, const std::
       frame.time = last > first ? (frame.time - first) / (last - first) : 0;
   notices.push_back(
       fmt::format("the times in {} are {} to {}: they are scaled to 0 to 1", source, first, last));
+}
+
+PointCloud points_beside(const std::string& folder, const std::string& source, Scene& scene) {
+  const std::string ply = find_points_ply(folder);
+  if (!ply.empty()) return read_point_cloud(ply);
+  for (const char* sparse : {"sparse", "colmap/sparse", "colmap_sparse"}) {
+    const std::string model = find_colmap_model(join(folder, sparse), scene.notices);
+    if (model.empty()) continue;
+    std::map<std::string, Camera> cameras;  // by image: splits may share images
+    for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+      for (const Frame& frame : *split)
+        cameras.emplace(fs::path(frame.path).lexically_relative(folder).generic_string(),
+                        scene.cameras[size_t(frame.camera)]);
+    std::vector<ColmapImage> images;
+    for (const auto& [name, camera] : cameras) images.push_back({name, camera});
+    return points_in_world_of(images, source, model, scene.notices);
+  }
+  return {};
 }
 
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,

@@ -31,6 +31,11 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
 void normalise_times(const std::vector<std::vector<Frame>*>& splits, const std::string& source,
                      std::vector<std::string>& notices);
 
+// Initial points of a scene whose poses are in transforms files: find_points_ply, else those of a
+// COLMAP model in sparse/, colmap/sparse/ (nerfstudio) or colmap_sparse/ (instant-ngp), in the
+// world of the frames. `source` names the files.
+PointCloud points_beside(const std::string& folder, const std::string& source, Scene& scene);
+
 // Reads only the cameras, in the order of the file, scaled to this size. Each is named by its
 // file_path, which need not exist. `image` is the image of this size, for errors.
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
