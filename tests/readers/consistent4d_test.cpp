@@ -105,6 +105,81 @@ TEST(Consistent4d, TheInputCameraMayBeGivenOrMove) {
   EXPECT_EQ(neighbour_pairs(two).size(), 1u);
 }
 
+namespace {
+
+// A transforms file of cameras with these names; number k is at (k, 0, 4).
+std::string cameras_file(const TemporaryFolder& folder, const std::vector<std::string>& names) {
+  std::string frames;
+  for (size_t k = 0; k < names.size(); ++k)
+    frames += fmt::format(
+        R"({}{{"file_path": "{}", "transform_matrix":[[1,0,0,{}],[0,1,0,0],[0,0,1,4],[0,0,0,1]]}})",
+        k ? "," : "", names[k], k);
+  return folder.write("cameras.json", R"({"camera_angle_x":1,"frames":[)" + frames + "]}");
+}
+
+double x_of(const Scene& scene, const Frame& frame) {
+  return scene.cameras[size_t(frame.camera)].position().x();
+}
+
+}  // namespace
+
+// COLMAP does not register every image.
+TEST(Consistent4d, ImagesWithoutACameraOfTheirNameAreLeftOutAndTold) {
+  const TemporaryFolder folder;
+  for (int k = 1; k <= 5; ++k) make_png(folder, fmt::format("frame_{:05}.png", k), 8, 8, 3);
+  SceneOptions options;
+  options.cameras = cameras_file(
+      folder, {"images/frame_00004.jpg", "images/frame_00002.jpg", "images/frame_00009.jpg"});
+  const Scene scene = read_scene(folder.path(), options);
+  ASSERT_EQ(scene.train.size(), 2u);
+  EXPECT_EQ(scene.steps, 2);
+  EXPECT_EQ(scene.cameras.size(), 2u);
+  EXPECT_EQ(std::filesystem::path(scene.train[0].path).filename(), "frame_00002.png");
+  EXPECT_EQ(x_of(scene, scene.train[0]), 1);
+  EXPECT_EQ(x_of(scene, scene.train[1]), 0);
+  EXPECT_EQ(scene.train[0].time, 0);
+  EXPECT_EQ(scene.train[1].time, 1);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0], "3 of 5 images in " + folder.path() + " are left out: " +
+                                  options.cameras + " has no camera of their name");
+}
+
+TEST(Consistent4d, EvaluationViewsKeepTheTimesOfImagesLeftOut) {
+  const TemporaryFolder folder;
+  for (const char* view : {"input", "eval_0"})
+    for (int k = 0; k < 5; ++k) make_png(folder, fmt::format("{}/{}.png", view, k), 8, 8, 4);
+  SceneOptions options;
+  options.cameras = cameras_file(folder, {"1", "2", "4"});
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.steps, 3);
+  ASSERT_EQ(scene.train.size(), 3u);
+  EXPECT_EQ(scene.train[0].time, 0.25);
+  ASSERT_EQ(scene.test.size(), 5u);
+  EXPECT_EQ(scene.test[2].time, 0.5);
+  EXPECT_EQ(scene.test[2].step, 1);
+  EXPECT_EQ(scene.test[4].step, 2);
+}
+
+TEST(Consistent4d, AsManyCamerasAsImagesBelongToThemInOrderUnlessAllNamesAgree) {
+  const TemporaryFolder folder;
+  for (int k = 0; k < 3; ++k) make_png(folder, fmt::format("{}.png", k), 8, 8, 3);
+  SceneOptions options;
+  options.cameras = cameras_file(folder, {"a/2.png", "b/1.png", "c/0.png"});
+  Scene scene = read_scene(folder.path(), options);
+  EXPECT_TRUE(scene.notices.empty());
+  EXPECT_EQ(x_of(scene, scene.train.at(0)), 2);
+  options.cameras = cameras_file(folder, {"1.png", "2.png", "3.png"});  // counted from 1
+  scene = read_scene(folder.path(), options);
+  EXPECT_EQ(x_of(scene, scene.train.at(0)), 0);
+  EXPECT_EQ(x_of(scene, scene.train.at(2)), 2);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("in order, though only 2 of 3 names agree"), std::string::npos);
+  for (const auto& names : {std::vector<std::string>{"x", "y"}, {"a/0.png", "b/0.png"}}) {
+    options.cameras = cameras_file(folder, names);
+    expect_error([&] { read_scene(folder.path(), options); }, {"2 cameras", "3 images", "names"});
+  }
+}
+
 TEST(Consistent4d, TransformsBesideTheInputViewDoNotMatter) {
   const TemporaryFolder folder;
   make_png(folder, "input/0.png", 8, 8, 4);

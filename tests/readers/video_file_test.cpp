@@ -259,6 +259,49 @@ TEST(VideoFile, GivenPosesMoveTheCamera) {
   expect_error([&] { read_scene(folder.file("a.avi"), options); }, {"missing.json"});
 }
 
+// Names of cameras end in the number of the frame, counted from 0 or 1.
+TEST(VideoFile, FramesWithoutACameraOfTheirNumberAreLeftOutAndTold) {
+  const TemporaryFolder folder;
+  SceneOptions options;
+  const std::string path = make_video(folder, "a.avi", 10);
+  const auto read = [&](const std::vector<int>& numbers) {
+    std::string frames;
+    for (const int k : numbers)
+      frames += fmt::format(R"({}{{"file_path":"images/frame_{:05}.jpg","transform_matrix":
+                               [[1,0,0,{}],[0,1,0,0],[0,0,1,5],[0,0,0,1]]}})",
+                            frames.empty() ? "" : ",", k, k);
+    options.cameras = folder.write("transforms.json", R"({"fl_x":40,"frames":[)" + frames + "]}");
+    return read_scene(path, options);
+  };
+  const auto expect = [&](const std::vector<int>& numbers, int first) {
+    const Scene scene = read(numbers);
+    EXPECT_EQ(scene.steps, int(numbers.size()));
+    ASSERT_EQ(scene.train.size(), numbers.size());
+    for (size_t i = 0; i < numbers.size(); ++i) {
+      const Frame& frame = scene.train[i];
+      EXPECT_EQ(frame.video_frame, numbers[i] - first);
+      EXPECT_EQ(frame.step, int(i));
+      EXPECT_EQ(scene.cameras[size_t(frame.camera)].position().x(), numbers[i]);
+    }
+    EXPECT_EQ(scene.train.front().time, 0);
+    EXPECT_EQ(scene.train.back().time, 1);
+    ASSERT_EQ(scene.notices.size(), 1u);
+    EXPECT_EQ(scene.notices[0], fmt::format("{} of 10 frames of {} are left out: {} has no camera "
+                                            "of their name",
+                                            10 - numbers.size(), path, options.cameras));
+  };
+  expect({1, 2, 5, 10}, 1);
+  expect({2, 3, 10}, 1);
+  expect({0, 3, 4, 8}, 0);
+  // Counted from 0 or 1; from neither; perhaps every second frame.
+  for (const std::vector<int>& unclear :
+       {std::vector<int>{1, 2, 9}, {0, 5, 10}, {3, 11}, {0, 1, 2, 3, 4}})
+    expect_error([&] { read(unclear); }, {"a.avi has 10 images", "names that tell"});
+  options.max_steps = 3;
+  EXPECT_EQ(read({0, 1, 2, 3, 4}).train.size(), 3u);
+  expect_error([&] { read({0, 2, 3, 4}); }, {"4 cameras", "a.avi has 3 images"});
+}
+
 TEST(VideoFile, AStatedFrameRateWins) {
   const TemporaryFolder folder;
   SceneOptions options;

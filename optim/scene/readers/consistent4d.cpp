@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -22,17 +21,6 @@
 namespace gflow {
 namespace fs = std::filesystem;
 namespace {
-
-// An image name and its number: "frame_0012" is {"frame_", "0012"}; number may be empty.
-struct Numbered {
-  std::string prefix, number;
-};
-
-Numbered split_number(const std::string& stem) {
-  size_t at = stem.size();
-  while (at > 0 && std::isdigit(static_cast<unsigned char>(stem[at - 1]))) --at;
-  return {stem.substr(0, at), stem.substr(at)};
-}
 
 // The images of a folder named by a number only; if there are none, those with a common prefix
 // before the number.
@@ -66,6 +54,16 @@ std::vector<double> times_of(const std::vector<std::string>& names) {
   return times;
 }
 
+// Moves and scales times so that the frames fill [0, 1].
+void fill_time_range(std::vector<Frame>& frames) {
+  const double first = frames.front().time, last = frames.back().time;
+  const double length = last > first ? last - first : 1;
+  for (Frame& frame : frames) {
+    frame.time = (frame.time - first) / length;
+    frame.flow_time = (frame.flow_time - first) / length;
+  }
+}
+
 // The frames of one view in natural order of names; `view` is input or eval_k. The view has one
 // camera, or one per image.
 std::vector<Frame> read_view(const std::string& folder, const std::string& image_folder,
@@ -77,16 +75,21 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& image
   const std::string first = join(image_folder, names[0]);
   const ImageHeader header = read_image_header(first);
   scene.has_alpha |= header.has_alpha;
-  const std::vector<Camera> cameras =
-      azimuth ? std::vector{static_camera(view, *azimuth, options, header.width, header.height)}
-              : cameras_of_view(options, names.size(), header.width, header.height, first);
-  for (const std::string& name : names) {
-    const size_t k = frames.size();
+  ViewCameras given;
+  if (azimuth)
+    given = {{static_camera(view, *azimuth, options, header.width, header.height)},
+             std::vector<int>(names.size(), 0)};
+  else
+    given = cameras_of_view(
+        options, {names.size(), names, true, header.width, header.height, first}, scene.notices);
+  const int first_camera = int(scene.cameras.size());
+  for (size_t k = 0; k < names.size(); ++k) {
+    if (given.of_image[k] < 0) continue;
     Frame frame;
-    frame.path = join(image_folder, name);
-    frame.camera = int(scene.cameras.size() + (cameras.size() > 1 ? k : 0));
-    frame.track = int(scene.cameras.size());
-    frame.step = int(k);
+    frame.path = join(image_folder, names[k]);
+    frame.camera = first_camera + given.of_image[k];
+    frame.track = first_camera;
+    frame.step = int(frames.size());
     frame.time = times[k];
     frame.name = fmt::format("{}_{:04}", view, k);
     const std::string number = fmt::format("{:04}", k);
@@ -96,7 +99,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& image
     frame.depth_path = first_existing(folder, {"depth/" + view + "/" + number + ".npy"});
     frames.push_back(frame);
   }
-  scene.cameras.insert(scene.cameras.end(), cameras.begin(), cameras.end());
+  scene.cameras.insert(scene.cameras.end(), given.cameras.begin(), given.cameras.end());
   return frames;
 }
 
@@ -115,6 +118,8 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
   scene.fps = 24;
   scene.train = read_view(folder, input, "input", std::nullopt, options, scene);
   scene.steps = int(scene.train.size());
+  const size_t images = numbered_images(input).size();
+  const std::vector<double> times = distinct_times(scene.train);
   const bool given_one = !options.cameras.empty() && scene.cameras.size() == 1;
 
   const double azimuths[] = {-75, 15, 105, 195};
@@ -122,11 +127,11 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
     const std::string view = fmt::format("eval_{}", k);
     const std::string image_folder = (fs::path(folder) / view).string();
     if (numbered_images(image_folder).empty()) continue;
-    const std::vector<Frame> frames =
-        read_view(folder, image_folder, view, azimuths[k], options, scene);
-    if (frames.size() != size_t(scene.steps))
+    std::vector<Frame> frames = read_view(folder, image_folder, view, azimuths[k], options, scene);
+    if (frames.size() != images)
       throw Error(fmt::format("{} has {} images, but the input view has {}", image_folder,
-                              frames.size(), scene.steps));
+                              frames.size(), images));
+    if (images > size_t(scene.steps)) set_steps(times, frames);
     const size_t shown = options.first_views ? 1 : 0;
     scene.train.insert(scene.train.end(), frames.begin(), frames.begin() + long(shown));
     scene.test.insert(scene.test.end(), frames.begin() + long(shown), frames.end());
@@ -137,6 +142,7 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
                     "none in eval_0 to eval_3",
                     folder));
   if (scene.test.empty()) {
+    fill_time_range(scene.train);
     scene.test = scene.train;
     for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
   }

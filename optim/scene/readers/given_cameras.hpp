@@ -10,13 +10,28 @@
 
 namespace gflow {
 
-// Cameras of a view with `count` images of this size; `source` is one of them, for errors.
+// The images of one view in order of time.
+struct View {
+  size_t count = 0;                // number of images
+  std::vector<std::string> names;  // their file names; empty for the frames of a video
+  bool is_whole = true;            // false: the video may have more frames
+  int width = 0, height = 0;       // [px]
+  std::string source;              // the first image or the video, for messages
+};
+
+struct ViewCameras {
+  std::vector<Camera> cameras;  // one, or one per image
+  std::vector<int> of_image;    // [count]; index into cameras; -1: the image is left out
+};
+
 // Without options.cameras: static_camera "input" at azimuth 0. Otherwise from that file, a
-// cameras.json or a transforms file (optim/scene/readers/transforms_file.hpp): the camera named
-// options.camera (folder and extension may be omitted), the only camera, or one per image in
-// natural order of names. Scaled to the image size. Error if the number of cameras is neither 1 nor
-// that of the images.
-std::vector<Camera> cameras_of_view(const SceneOptions& options, size_t count, int width,
-                                    int height, const std::string& source);
+// cameras.json or a transforms file (optim/scene/readers/transforms_file.hpp), scaled to the image
+// size: the camera named options.camera (folder and extension may be omitted), the only camera, or
+// one per image. These belong to the images with their names, or are as many as images, in natural
+// order of names. Names of cameras of a video may end in the number of the frame, from 0 or 1, if
+// it is clear from which. Images without a camera are left out with a notice. Error if it is not
+// clear which camera an image has.
+ViewCameras cameras_of_view(const SceneOptions& options, const View& view,
+                            std::vector<std::string>& notices);
 
 }  // namespace gflow

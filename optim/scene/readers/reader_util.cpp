@@ -32,10 +32,13 @@ std::vector<std::string> list(const std::string& folder, Keep keep) {
   return names;
 }
 
+std::string lower(std::string text) {
+  for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
 bool has_extension(const fs::directory_entry& entry, const std::set<std::string>& known) {
-  std::string extension = entry.path().extension().string();
-  for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
-  return entry.is_regular_file() && known.count(extension);
+  return entry.is_regular_file() && known.count(lower(entry.path().extension().string()));
 }
 
 const std::set<std::string> image_extensions = {".png", ".jpg", ".jpeg"};
@@ -131,6 +134,19 @@ std::string join(const std::string& folder, const std::string& name) {
 }
 
 std::string stem(const std::string& path) { return fs::path(path).stem().string(); }
+
+std::string without_image_extension(const std::string& name) {
+  const fs::path path(name);
+  return image_extensions.count(lower(path.extension().string()))
+             ? fs::path(path).replace_extension().string()
+             : name;
+}
+
+Numbered split_number(const std::string& stem) {
+  size_t at = stem.size();
+  while (at > 0 && is_digit(stem[at - 1])) --at;
+  return {stem.substr(0, at), stem.substr(at)};
+}
 
 Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,
                                   const std::string& what) {

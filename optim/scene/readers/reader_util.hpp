@@ -39,6 +39,15 @@ std::string join(const std::string& folder, const std::string& name);
 // File name without folder and extension.
 std::string stem(const std::string& path);
 
+// A name of an image without the extension of an image, if it has one.
+std::string without_image_extension(const std::string& name);
+
+// An image name and its number: "frame_0012" is {"frame_", "0012"}; number may be empty.
+struct Numbered {
+  std::string prefix, number;
+};
+Numbered split_number(const std::string& stem);
+
 // World-to-camera matrix from a camera-to-world pose with OpenCV axes (x right, y down, looks along
 // z). The rotation is made exactly orthonormal. Error if a number is not finite or the rotation is
 // not orthonormal within 1e-3; `what` names the pose.

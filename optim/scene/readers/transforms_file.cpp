@@ -223,9 +223,8 @@ std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
     const std::string where = fmt::format("frame {} of {}", cameras.size(), file.path);
     require_object(entry, where);
     Camera camera = camera_of(file, entry, where, image, width, height);
-    camera.name = entry.contains("file_path")
-                      ? with_slashes(text(entry["file_path"], "'file_path' of " + where))
-                      : fmt::format("frame_{}", cameras.size());
+    if (entry.contains("file_path"))
+      camera.name = with_slashes(text(entry["file_path"], "'file_path' of " + where));
     cameras.push_back(camera);
   }
   if (cameras.empty()) throw Error(fmt::format("{} has no frames", file.path));

@@ -37,7 +37,7 @@ void normalise_times(const std::vector<std::vector<Frame>*>& splits, const std::
 PointCloud points_beside(const std::string& folder, const std::string& source, Scene& scene);
 
 // Reads only the cameras, in the order of the file, scaled to this size. Each is named by its
-// file_path, which need not exist. `image` is the image of this size, for errors.
+// file_path, which need not exist, if it has one. `image` is the image of this size, for errors.
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
                                  const std::string& image);
 

@@ -36,20 +36,28 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
         fmt::format("video {}: its frames end after {:.2f} of {:.2f} s; the file seems cut off",
                     path, end, info.seconds));
   }
-  scene.steps = int(stamps.size());
   scene.fps = info.fps;
   scene.has_alpha = info.alpha;
-  scene.cameras = cameras_of_view(options, stamps.size(), info.width, info.height, path);
+  const bool is_whole = used == 0 || int64_t(stamps.size()) < used;
+  const ViewCameras given = cameras_of_view(
+      options, {stamps.size(), {}, is_whole, info.width, info.height, path}, scene.notices);
+  scene.cameras = given.cameras;
   if (scene.cameras.size() == 1) scene.extent = options.radius;
   for (size_t k = 0; k < stamps.size(); ++k) {
+    if (given.of_image[k] < 0) continue;
     Frame frame;
-    frame.step = frame.video_frame = int(k);
-    frame.camera = scene.cameras.size() > 1 ? int(k) : 0;
-    frame.time = stamps.size() > 1 ? stamps[k] / stamps.back() : 0;
+    frame.step = int(scene.train.size());
+    frame.video_frame = int(k);
+    frame.camera = given.of_image[k];
+    frame.time = stamps[k];
     frame.path = path;
     frame.name = fmt::format("input_{:04}", k);
     scene.train.push_back(frame);
   }
+  scene.steps = int(scene.train.size());
+  const double first = scene.train.front().time, last = scene.train.back().time;
+  for (Frame& frame : scene.train)
+    frame.time = (frame.time - first) / (last > first ? last - first : 1);
   scene.test = scene.train;
   for (Frame& frame : scene.test) frame.name = "test_" + frame.name;
   return scene;
