@@ -32,6 +32,7 @@ enum : uint {
   kStereoRow = 131,
   kPlanes = 140,
   kNetwork = 141,
+  kChangeRays = 142,
   kDynamicSeeds = 200,  // + 3 step + axis: all that follow
 };
 

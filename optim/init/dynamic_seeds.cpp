@@ -4,7 +4,9 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <optional>
 
 #include "optim/engine/random_streams.hpp"
 #include "optim/init/init.hpp"
@@ -119,7 +121,7 @@ StepViews views_at(const std::vector<StaticCamera>& static_cameras, int step, co
     const Frame* frame = static_camera.frames[size_t(k)];
     views.cameras.push_back(&static_camera.camera);
     views.images.push_back(frames.rgb(*frame));
-    views.changed.push_back(changed_pixels(*views.images.back(), static_camera.usual));
+    views.changed.push_back(changed_pixels(frames, *frame, static_camera.usual));
     views.time = frame->time;
     const auto found = flow_of.find(frame);
     views.flows.push_back(found == flow_of.end() ? nullptr : flows.get(found->second));
@@ -129,28 +131,64 @@ StepViews views_at(const std::vector<StaticCamera>& static_cameras, int step, co
   return views;
 }
 
-}  // namespace
+using Box = std::pair<Eigen::Vector3d, Eigen::Vector3d>;
+// The views of a time step. All steps at a time would not fit into memory.
+using ViewsOfStep = std::function<StepViews(int)>;
 
-Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
-                    const std::vector<StaticCamera>& static_cameras,
-                    const std::vector<FlowPair>& pairs, FlowStore& flows,
-                    const TrainOptions& config) {
+// Where the rays of changed pixels meet: points at random on rays of all static cameras that lie in
+// the visual hull, of up to kHullSteps time steps. Nothing if there are too few.
+std::optional<Box> box_of_change(const Scene& scene, const ViewsOfStep& views_of, uint seed) {
+  constexpr int kHullSteps = 8;
+  constexpr size_t kLeastHits = 20;
+  constexpr uint kTries = 40000;
+  const Eigen::Vector3d middle = focus_point(scene);
+  std::vector<double> hits;
+  const int stride = std::max(1, scene.steps / kHullSteps);
+  uint n = 0;
+  const auto random = [&] { return random_uniform(seed, streams::kChangeRays, n++); };
+  for (int step = 0; step < scene.steps; step += stride) {
+    const StepViews views = views_of(step);
+    if (views.cameras.size() < kLeastCameras) continue;
+    std::vector<std::vector<size_t>> changed(views.cameras.size());
+    for (size_t c = 0; c < changed.size(); ++c)
+      for (size_t i = 0; i < views.changed[c].size(); ++i)
+        if (views.changed[c][i]) changed[c].push_back(i);
+    for (uint i = 0; i < kTries; ++i) {
+      const size_t c = i % changed.size();
+      if (changed[c].empty()) continue;
+      const Camera& camera = *views.cameras[c];
+      const size_t pixel = changed[c][size_t(random() * double(changed[c].size()))];
+      const double distance = (camera.position() - middle).norm();
+      const double near = scene.near > 0 ? scene.near : distance / 8;
+      const double far = scene.far > near ? scene.far : distance * 8;
+      const double depth = near * std::pow(far / near, double(random()));
+      const double x = double(pixel % size_t(camera.width)) + 0.5,
+                   y = double(pixel / size_t(camera.width)) + 0.5;
+      const Eigen::Vector3d seen((x - camera.cx) / camera.fx * depth,
+                                 (y - camera.cy) / camera.fy * depth, depth);
+      const Eigen::Vector3d point =
+          camera.position() + camera.viewmat.topLeftCorner<3, 3>().transpose() * seen;
+      std::array<int, 3> color;
+      if (inside_hull(views, point, color)) hits.insert(hits.end(), point.data(), point.data() + 3);
+    }
+  }
+  if (hits.size() < 3 * kLeastHits) return std::nullopt;
+  return box_of(hits);
+}
+
+// About `wanted` seeds of each time step at random places of the box.
+Seeds seeds_in(const Box& box, int steps, const ViewsOfStep& views_of, size_t wanted, uint seed) {
+  const auto& [low, high] = box;
   Seeds seeds;
-  if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
-  if (static_cameras.size() < kLeastCameras) return seeds;
-  const auto [low, high] = box_of(scene.points.xyz);
-  const auto flow_of = flow_index(scene, pairs, flows);
-  const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
-  const uint seed = uint(config.train.seed);
-  for (int step = 0; step < scene.steps; ++step) {
-    const StepViews views = views_at(static_cameras, step, scene, frames, pairs, flows, flow_of);
+  for (int step = 0; step < steps; ++step) {
+    const StepViews views = views_of(step);
     if (views.cameras.size() < kLeastCameras) continue;
     std::vector<float> xyz;
     for (uint i = 0; i < 500000 && xyz.size() < 3 * wanted; ++i) {
       Eigen::Vector3d point;
       for (int axis = 0; axis < 3; ++axis) {
-        const double u = random_uniform(seed, streams::kDynamicSeeds + uint(3 * step + axis), i);
-        point[axis] = low[axis] + (high[axis] - low[axis]) * u;
+        const uint stream = streams::kDynamicSeeds + uint(3 * step + axis);
+        point[axis] = low[axis] + (high[axis] - low[axis]) * random_uniform(seed, stream, i);
       }
       std::array<int, 3> color;
       if (!inside_hull(views, point, color)) continue;
@@ -165,6 +203,31 @@ Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
     const std::vector<float> spacing = neighbour_distance(xyz);
     seeds.spacing.insert(seeds.spacing.end(), spacing.begin(), spacing.end());
     seeds.xyz.insert(seeds.xyz.end(), xyz.begin(), xyz.end());
+  }
+  return seeds;
+}
+
+}  // namespace
+
+Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
+                    const std::vector<StaticCamera>& static_cameras,
+                    const std::vector<FlowPair>& pairs, FlowStore& flows,
+                    const TrainOptions& config) {
+  Seeds seeds;
+  if (config.init.dynamic == 0 || scene.points.size() < 50 || scene.steps < 4) return seeds;
+  if (static_cameras.size() < kLeastCameras) return seeds;
+  const auto flow_of = flow_index(scene, pairs, flows);
+  const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
+  const uint seed = uint(config.train.seed);
+  const auto views_of = [&](int step) {
+    return views_at(static_cameras, step, scene, frames, pairs, flows, flow_of);
+  };
+  seeds = seeds_in(box_of(scene.points.xyz), scene.steps, views_of, wanted, seed);
+  // Points of a far background make the box so large that few candidates lie in the hull.
+  if (2 * seeds.size() >= size_t(config.init.dynamic)) return seeds;
+  if (const auto box = box_of_change(scene, views_of, seed)) {
+    Seeds others = seeds_in(*box, scene.steps, views_of, wanted, seed);
+    if (others.size() > seeds.size()) return others;
   }
   return seeds;
 }

@@ -22,8 +22,8 @@ struct Seeds {
 
 // About config.init.dynamic seeds, evenly distributed over the time steps; none if fewer than three
 // static cameras show a time step, or nothing changes. flows[i] belongs to pairs[i]; both may be
-// empty. Candidates are random in the box of the scene's points. Deterministic for
-// config.train.seed.
+// empty. Candidates are random in the box of the scene's points, or where rays of change meet if
+// that finds more. Deterministic for config.train.seed.
 Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
                     const std::vector<StaticCamera>& static_cameras,
                     const std::vector<FlowPair>& pairs, FlowStore& flows,

@@ -267,6 +267,37 @@ TEST(InitialModel, SeedsWhatMovesWithItsVelocity) {
   EXPECT_GT(moving, (model.count - scene.truth.count) / 4);
 }
 
+// A few points of a far background must not hide the motion.
+TEST(InitialModel, SeedsWhatMovesWhateverElseThePointsContain) {
+  Queue queue = test_queue();
+  const SmallScene small(queue);
+  TrainOptions config = small_config(small, 10);
+  config.init.dynamic = 100;
+  LoadedScene loaded = load_scene(config.scene, "");
+  Scene& scene = loaded.scene;
+  FlowStore no_flow(std::vector<FlowStore::Loader>{});
+  const std::vector<StaticCamera> cameras = static_cameras_of(scene, *loaded.frames);
+  const auto found = [&] {
+    return dynamic_seeds(scene, *loaded.frames, cameras, {}, no_flow, config);
+  };
+  const Seeds near = found();
+  ASSERT_GE(near.size(), 50u);
+  const size_t count = scene.points.size();
+  for (size_t i = 0; i < count / 10 + 6; ++i) {
+    const double side = i % 2 ? 400 : -400;
+    scene.points.xyz.insert(scene.points.xyz.end(), {side, -side, side * double(i % 3)});
+    scene.points.rgb.insert(scene.points.rgb.end(), {9, 9, 9});
+  }
+  const Seeds far = found();
+  EXPECT_GE(far.size(), near.size() / 2);
+  const auto mean_x = [](const Seeds& seeds) {
+    double sum = 0;
+    for (size_t i = 0; i < seeds.size(); ++i) sum += double(seeds.xyz[3 * i]);
+    return sum / double(seeds.size());
+  };
+  EXPECT_NEAR(mean_x(far), mean_x(near), 0.1);  // the same blob
+}
+
 // A static Gaussian with set_velocity(v) moves by v from t to t + 1.
 class EveryMotionModel : public testing::TestWithParam<MotionModelKind> {};
 
