@@ -28,6 +28,12 @@ struct Reference {
   bool true_flow = false;       // true flow, as from a static camera
 
   bool empty() const { return planes.empty(); }
+  // Where counted is 0, nothing is known.
+  void leave_out(const std::vector<uint8_t>& counted) {
+    for (std::vector<uint8_t>* mask : {&known, &moving, &seen})
+      for (size_t i = 0; i < mask->size(); ++i)
+        if (!counted[i]) (*mask)[i] = 0;
+  }
 };
 
 std::vector<float> planes_of(const FlowField& flow) {
@@ -119,15 +125,24 @@ class Evaluator {
     const PlanarImage truth =
         PlanarImage::from_bytes(camera.width, camera.height, store_.rgb(frame)->pixels);
     const std::vector<float> planes = renderer_.images().rgb.read(queue_);
-    const PlanarImage image = PlanarImage::from_planes(camera.width, camera.height, planes);
+    PlanarImage image = PlanarImage::from_planes(camera.width, camera.height, planes);
     if (!folder_.empty())
       write_png(folder_ + "/" + frame.name + ".png",
                 image_of_rgb(camera.width, camera.height, planes));
 
+    // Where pixels do not count, the truth replaces the image; means are over the others.
+    const auto counted = store_.counted(frame);
+    if (counted) {
+      const size_t pixels = counted->pixels.size();
+      for (size_t k = 0; k < image.values.size(); ++k)
+        if (!counted->pixels[k % pixels]) image.values[k] = truth.values[k];
+      reference.leave_out(counted->pixels);
+    }
     ViewMetrics view;
     view.name = frame.name;
     view.step = frame.step;
-    evaluate_image(view, image, truth, reference);
+    evaluate_image(view, image, truth, reference,
+                   counted ? counted->pixels : std::vector<uint8_t>{});
     evaluate_flow(view, reference, i);
     if (!frame.depth_path.empty())
       view.depth_error =
@@ -190,10 +205,11 @@ class Evaluator {
   }
 
   static void evaluate_image(ViewMetrics& view, const PlanarImage& image, const PlanarImage& truth,
-                             const Reference& reference) {
+                             const Reference& reference, const std::vector<uint8_t>& counted) {
+    if (!counted.empty() && !any(counted)) return;
     const std::vector<double> similarity = ssim_map(image, truth);
-    view.psnr = psnr(image, truth);
-    view.ssim = mean_of_map(similarity);
+    view.psnr = psnr(image, truth, counted);
+    view.ssim = mean_of_map(similarity, counted);
     if (!any(reference.moving)) return;
     view.psnr_dynamic = psnr(image, truth, reference.moving);
     view.ssim_dynamic = mean_of_map(similarity, reference.moving);

@@ -12,11 +12,17 @@ constexpr int kMargin = 12;       // [px] around the mask: SSIM's window and a l
 constexpr size_t kMedianOf = 25;  // images in the median
 constexpr size_t kNoise = 8;      // fewer changed pixels than this are noise
 
-// Median over time, per channel and pixel.
-std::vector<uint8_t> median_image(const std::vector<std::shared_ptr<const Image>>& images) {
-  std::vector<uint8_t> median(images[0]->pixels.size()), values(images.size());
+// Median over time, per channel and pixel, of the images in which the pixel counts; of all if it
+// counts in none. counted: null where all pixels do.
+std::vector<uint8_t> median_image(const std::vector<std::shared_ptr<const Image>>& images,
+                                  const std::vector<std::shared_ptr<const Image>>& counted) {
+  std::vector<uint8_t> median(images[0]->pixels.size()), values;
   for (size_t i = 0; i < median.size(); ++i) {
-    for (size_t k = 0; k < images.size(); ++k) values[k] = images[k]->pixels[i];
+    values.clear();
+    for (size_t k = 0; k < images.size(); ++k)
+      if (!counted[k] || counted[k]->pixels[i / 3]) values.push_back(images[k]->pixels[i]);
+    if (values.empty())
+      for (const auto& image : images) values.push_back(image->pixels[i]);
     std::nth_element(values.begin(), values.begin() + long(values.size() / 2), values.end());
     median[i] = values[values.size() / 2];
   }
@@ -75,6 +81,14 @@ std::vector<uint8_t> changed_pixels(const Image& image, const std::vector<uint8_
   return mask;
 }
 
+std::vector<uint8_t> changed_pixels(FrameStore& store, const Frame& frame,
+                                    const std::vector<uint8_t>& usual) {
+  std::vector<uint8_t> changed = changed_pixels(*store.rgb(frame), usual);
+  if (const auto counted = store.counted(frame))
+    for (size_t i = 0; i < changed.size(); ++i) changed[i] &= counted->pixels[i] & 1;
+  return changed;
+}
+
 std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& store) {
   std::map<int, std::vector<const Frame*>> by_camera;
   for (const Frame& frame : scene.train) by_camera[frame.camera].push_back(&frame);
@@ -82,9 +96,12 @@ std::vector<StaticCamera> static_cameras_of(const Scene& scene, FrameStore& stor
   for (auto& [camera, frames] : by_camera) {
     if (frames.size() < 4) continue;
     const size_t stride = (frames.size() + kMedianOf - 1) / kMedianOf;
-    std::vector<std::shared_ptr<const Image>> images;
-    for (size_t i = 0; i < frames.size(); i += stride) images.push_back(store.rgb(*frames[i]));
-    static_cameras.push_back({store.camera(*frames[0]), frames, median_image(images)});
+    std::vector<std::shared_ptr<const Image>> images, counted;
+    for (size_t i = 0; i < frames.size(); i += stride) {
+      images.push_back(store.rgb(*frames[i]));
+      counted.push_back(store.counted(*frames[i]));
+    }
+    static_cameras.push_back({store.camera(*frames[0]), frames, median_image(images, counted)});
   }
   return static_cameras;
 }
@@ -117,7 +134,7 @@ std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
   for (const StaticCamera& static_camera : static_cameras)
     for (size_t i = 0; i < static_camera.frames.size(); ++i)
       parts[size_t(static_camera.frames[i] - scene.train.data())] =
-          around(changed_pixels(*store.rgb(*static_camera.frames[i]), static_camera.usual),
+          around(changed_pixels(store, *static_camera.frames[i], static_camera.usual),
                  static_camera.camera.width, static_camera.camera.height, 0);
   return parts;
 }

@@ -27,6 +27,9 @@ bool differs(const uint8_t* rgb, const uint8_t* usual);
 // Motion mask [H, W]: 1 at pixels that differ from the median image by more than noise, and next to
 // them.
 std::vector<uint8_t> changed_pixels(const Image& image, const std::vector<uint8_t>& usual);
+// The same for a frame; pixels that do not count (FrameStore::counted) have not changed.
+std::vector<uint8_t> changed_pixels(FrameStore& store, const Frame& frame,
+                                    const std::vector<uint8_t>& usual);
 
 // Focus region of each training frame, with a margin: around the motion mask of a static camera, or
 // around the object in an image with transparency. The whole image if neither is known; empty if

@@ -29,18 +29,22 @@ struct Eye {
   }
 };
 
-Eye eye_of(const Camera& camera, const std::vector<uint8_t>& rgb) {
+// counted: null if all pixels count. Where some do not, the colour is NaN, which matches nothing.
+Eye eye_of(const Camera& camera, const std::vector<uint8_t>& rgb, const Image* counted = nullptr) {
   const int by = std::max(1, (camera.width + kWidth / 2) / kWidth);
   Eye eye{reduced(camera, by), {}};
   for (int y = 0; y < eye.camera.height; ++y)
     for (int x = 0; x < eye.camera.width; ++x)
       for (int c = 0; c < 3; ++c) {
         int sum = 0;
+        bool counts = true;
         for (int v = 0; v < by; ++v)
-          for (int u = 0; u < by; ++u)
-            sum += rgb[3 * (size_t(y * by + v) * size_t(camera.width) + size_t(x * by + u)) +
-                       size_t(c)];
-        eye.rgb.push_back(float(sum) / float(by * by));
+          for (int u = 0; u < by; ++u) {
+            const size_t pixel = size_t(y * by + v) * size_t(camera.width) + size_t(x * by + u);
+            sum += rgb[3 * pixel + size_t(c)];
+            counts &= !counted || counted->pixels[pixel] > 0;
+          }
+        eye.rgb.push_back(counts ? float(sum) / float(by * by) : std::nanf(""));
       }
   return eye;
 }
@@ -55,7 +59,8 @@ std::vector<Eye> eyes_of(const Scene& scene, FrameStore& frames,
   }
   for (const Frame& frame : scene.train)
     if (frame.step == scene.steps / 2)
-      eyes.push_back(eye_of(frames.camera(frame), frames.rgb(frame)->pixels));
+      eyes.push_back(
+          eye_of(frames.camera(frame), frames.rgb(frame)->pixels, frames.counted(frame).get()));
   return eyes;
 }
 
@@ -137,7 +142,9 @@ Match match_of(const std::vector<Eye>& eyes, size_t i, int x, int y, const Depth
       if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height))
         continue;
       const int u = int(at.x()), v = int(at.y());
-      if (eyes[j].holds(u, v)) differences.push_back(difference(eyes[i], x, y, eyes[j], u, v));
+      if (!eyes[j].holds(u, v)) continue;
+      const float found = difference(eyes[i], x, y, eyes[j], u, v);
+      if (!std::isnan(found)) differences.push_back(found);
     }
     const size_t needed = std::min<size_t>(2, eyes.size() - 1);
     if (differences.size() < needed) continue;

@@ -46,6 +46,10 @@ void FlowObjective::upload_target(Queue& queue, const ViewContext& view) {
   crop(checked ? flow->confidence : flow->flow.valid, view.width, 1, part, confidence_bytes_);
   if (!checked)
     for (cl_uchar& c : confidence_bytes_) c = c ? 255 : 0;
+  if (const auto counted = frames_.counted(*view.sample.frame)) {
+    crop(counted->pixels, view.width, 1, part, counted_bytes_);
+    for (size_t i = 0; i < counted_bytes_.size(); ++i) confidence_bytes_[i] &= counted_bytes_[i];
+  }
   target_.ensure(queue, planes_.size());
   target_.write_async(queue, planes_);
   confidence_.ensure(queue, confidence_bytes_.size());

@@ -57,6 +57,7 @@ class FlowObjective : public Objective {
   bool in_parts_ = false;      // much of the view has no target flow
   std::vector<float> planes_;  // source of asynchronous writes
   std::vector<cl_uchar> confidence_bytes_;
+  std::vector<cl_uchar> counted_bytes_;
   Buffer<float> target_{"target flow"};
   Buffer<cl_uchar> confidence_{"confidence"};
   bool had_flow_ = false;  // whether the last view had flow

@@ -26,15 +26,31 @@ void ImageObjective::read_truth(const ViewContext& view) {
             .pixels;
 }
 
+void ImageObjective::read_counted(const ViewContext& view) {
+  counted_bytes_.clear();
+  if (const auto counted = frames_.counted(*view.sample.frame))
+    crop(counted->pixels, view.width, 1, view.sample.part, counted_bytes_);
+}
+
 // Binning of this view has waited for the queue, so the host arrays of earlier uploads are free.
 void ImageObjective::add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
                                    ImageGradients& v) {
   read_truth(view);
+  read_counted(view);
   const Rect& part = view.sample.part;
   const Buffer<float>& rgb = renderer.images().rgb;
   truth_.ensure(queue, truth_bytes_.size());
   truth_.write_async(queue, truth_bytes_);
+  const size_t pixels = size_t(part.width) * size_t(part.height);
+  const bool some_ignored = !counted_bytes_.empty();
+  if (some_ignored) {
+    if (!ignored_) ignored_ = std::make_unique<IgnoredPixels>(queue);
+    counted_.ensure(queue, pixels);
+    counted_.write_async(queue, counted_bytes_);
+    ignored_->fill_truth(queue, pixels, counted_, rgb, truth_);
+  }
   loss_.run(queue, part.width, part.height, rgb, truth_, v.v_rgb, view.share);
+  if (some_ignored) ignored_->clear_gradient(queue, pixels, counted_, v.v_rgb);
 }
 
 void ImageObjective::report(Queue& queue, const Renderer& renderer, LossReport& report) {
@@ -42,13 +58,16 @@ void ImageObjective::report(Queue& queue, const Renderer& renderer, LossReport& 
   const std::vector<float> rgb = renderer.images().rgb.read(queue);
   const size_t pixels = rgb.size() / 3;
   double sum = 0;
+  size_t values = 0;
   for (size_t c = 0; c < 3; ++c)
     for (size_t i = 0; i < pixels; ++i) {
+      if (!counted_bytes_.empty() && counted_bytes_[i] == 0) continue;
+      ++values;
       const double d =
           std::clamp(double(rgb[c * pixels + i]), 0.0, 1.0) - truth_bytes_[3 * i + c] / 255.0;
       sum += d * d;
     }
-  const double psnr = -10 * std::log10(std::max(sum / double(rgb.size()), 1e-12));
+  const double psnr = -10 * std::log10(std::max(sum / double(std::max<size_t>(values, 1)), 1e-12));
   report.loss += value.total;
   report.terms.push_back({"l1", value.l1, fmt::format("L1 {:.4f}", value.l1)});
   report.terms.push_back({"ssim", value.ssim, ""});

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // L1 and SSIM of a view against its image (loss.ssim).
 #pragma once
+#include <memory>
+
+#include "optim/loss/ignored_pixels.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/objectives/objective.hpp"
 #include "optim/scene/frame_store.hpp"
@@ -20,11 +23,16 @@ class ImageObjective : public Objective {
  private:
   // Reads the rendered part of the image, on the background of the step.
   void read_truth(const ViewContext& view);
+  // Reads which of its pixels count; counted_bytes_ is empty if all do.
+  void read_counted(const ViewContext& view);
 
   FrameStore& frames_;
   ImageLoss loss_;
   std::vector<cl_uchar> truth_bytes_;  // source of asynchronous writes
   Buffer<cl_uchar> truth_{"truth"};
+  std::unique_ptr<IgnoredPixels> ignored_;  // made when a view has some
+  std::vector<cl_uchar> counted_bytes_;     // source of asynchronous writes
+  Buffer<cl_uchar> counted_{"counted"};
 };
 
 }  // namespace gflow

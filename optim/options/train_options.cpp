@@ -123,11 +123,23 @@ void assign(const Incoming& in, float& member, const Allowed& range) {
   member = static_cast<float>(*value);
 }
 
+// Renamed values: setting, former and current value.
+struct RenamedValue {
+  std::string_view name, former, current;
+};
+constexpr RenamedValue kRenamedValues[] = {{"scene.masks", "all", "alpha"}};
+
+std::string present_value(const Incoming& in, const std::string& word) {
+  for (const RenamedValue& renamed : kRenamedValues)
+    if (in.name == renamed.name && word == renamed.former) return std::string(renamed.current);
+  return word;
+}
+
 template <class Enum, std::enable_if_t<std::is_enum_v<Enum>, int> = 0>
 void assign(const Incoming& in, Enum& member) {
   const auto names = names_of(member);
   const auto value = in.node->value_exact<std::string>();
-  const std::string word = value ? *value : in.text.value_or("");
+  const std::string word = present_value(in, value ? *value : in.text.value_or(""));
   const auto found = std::find(names.begin(), names.end(), word);
   if (found == names.end()) in.refuse("one of " + allowed(member));
   member = static_cast<Enum>(found - names.begin());

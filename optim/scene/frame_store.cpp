@@ -29,15 +29,16 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-// A decoded frame: as stored, composited over the background, and its alpha.
+// A decoded frame: as stored, composited over the background, its alpha, and the pixels that count.
 struct Decoded {
-  std::shared_ptr<const Image> stored, rgb, alpha;
+  std::shared_ptr<const Image> stored, rgb, alpha, counted;
 };
 
 size_t bytes_of(const Decoded& decoded) {
   size_t bytes = decoded.stored->pixels.size();
   if (decoded.rgb != decoded.stored) bytes += decoded.rgb->pixels.size();
   if (decoded.alpha) bytes += decoded.alpha->pixels.size();
+  if (decoded.counted) bytes += decoded.counted->pixels.size();
   return bytes;
 }
 
@@ -46,6 +47,17 @@ Image alpha_of(const Image& rgba) {
   alpha.pixels.resize(rgba.pixels.size() / 4);
   for (size_t i = 0; i < alpha.pixels.size(); ++i) alpha.pixels[i] = rgba.pixels[4 * i + 3];
   return alpha;
+}
+
+// 0 or 255 from a mask; label masks of 0 and 1 count as 0 and 255. A pixel that is resized from
+// both does not count.
+Image binary(Image mask, uint8_t at_least) {
+  for (uint8_t& value : mask.pixels) value = value >= at_least ? 255 : 0;
+  return mask;
+}
+Image counted_of(Image mask) {
+  const uint8_t most = *std::max_element(mask.pixels.begin(), mask.pixels.end());
+  return binary(std::move(mask), most == 1 ? 1 : 128);
 }
 
 // Multiplies a mask into the alpha channel. Label masks of 0 and 1 count as 0 and 255.
@@ -81,6 +93,7 @@ void check_size(int width, int height, const Camera& camera, const std::string& 
 
 struct FrameStore::State {
   FrameStoreOptions options;
+  bool masks_ignore = false;
   std::vector<Camera> full, reduced_cameras;
   LruCache<std::string, Decoded> cache;
 
@@ -107,11 +120,21 @@ struct FrameStore::State {
 
   Image load_image(const Frame& frame) const {
     const Image image = frame.image ? *frame.image : read_image(frame.path);
-    if (frame.mask_path.empty()) return prepared(image, frame);
+    if (frame.mask_path.empty() || masks_ignore) return prepared(image, frame);
     const Image mask = read_grey(frame.mask_path);
     check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
     check_size(image.width, image.height, full[size_t(frame.camera)], frame.path);
     return prepared(masked(image, mask), frame);
+  }
+
+  std::shared_ptr<const Image> load_counted(const Frame& frame) const {
+    if (frame.mask_path.empty() || !masks_ignore) return nullptr;
+    Image mask = read_grey(frame.mask_path);
+    check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
+    Image counted = binary(prepared(counted_of(std::move(mask)), frame), 255);
+    const bool all = std::all_of(counted.pixels.begin(), counted.pixels.end(),
+                                 [](uint8_t value) { return value == 255; });
+    return all ? nullptr : std::make_shared<const Image>(std::move(counted));
   }
 
   Unpacked& video_of(const std::string& path) {
@@ -168,6 +191,7 @@ struct FrameStore::State {
     decoded.stored = std::make_shared<const Image>(frame.video_frame >= 0 ? load_video_frame(frame)
                                                                           : load_image(frame));
     decoded.rgb = decoded.stored;
+    decoded.counted = load_counted(frame);
     if (decoded.stored->channels == 4) {
       decoded.rgb =
           std::make_shared<const Image>(over_background(*decoded.stored, options.background));
@@ -206,6 +230,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
         fmt::format("the resolution divisor is {}, expected 1 or more", options.resolution));
   limit_opencv_to_one_thread();
   state_->full = scene.cameras;
+  state_->masks_ignore = scene.masks_ignore;
   for (const Camera& camera : scene.cameras) {
     state_->reduced_cameras.push_back(reduced(camera, options.resolution));
     state_->reduced_cameras.back().lens = {};
@@ -248,6 +273,10 @@ std::shared_ptr<const Image> FrameStore::rgb(const Frame& frame) { return state_
 
 std::shared_ptr<const Image> FrameStore::alpha(const Frame& frame) {
   return state_->get(frame)->alpha;
+}
+
+std::shared_ptr<const Image> FrameStore::counted(const Frame& frame) {
+  return state_->get(frame)->counted;
 }
 
 std::shared_ptr<const Image> FrameStore::image(const Frame& frame) {

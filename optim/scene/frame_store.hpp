@@ -39,6 +39,10 @@ class FrameStore {
   // Alpha as a one-channel image; null if the image has no alpha.
   std::shared_ptr<const Image> alpha(const Frame& frame);
 
+  // One channel, 0 where a pixel takes no part in losses and metrics, else 255; null if all pixels
+  // count (Scene::masks_ignore).
+  std::shared_ptr<const Image> counted(const Frame& frame);
+
   // The background of rgb().
   std::array<uint8_t, 3> background() const;
 

@@ -224,6 +224,20 @@ void recentre(Scene& scene, const std::array<double, 3>& place) {
     Eigen::Map<Eigen::Vector3d>(&scene.points.xyz[3 * i]) -= origin;
 }
 
+// What the masks of a scene mean.
+void set_masks(Scene& scene, const SceneOptions& options) {
+  const auto masked = [](const std::vector<Frame>& frames) {
+    return std::any_of(frames.begin(), frames.end(),
+                       [](const Frame& frame) { return !frame.mask_path.empty(); });
+  };
+  if (!masked(scene.train) && !masked(scene.test) && !masked(scene.val)) return;
+  scene.masks_ignore = options.masks != Masks::alpha;
+  if (options.masks == Masks::automatic)
+    scene.notices.push_back(
+        "where masks are black, pixels are left out of the training; if black means transparent, "
+        "set scene.masks = \"alpha\"");
+}
+
 }  // namespace
 
 void complete_scene(Scene& scene, const SceneOptions& options,
@@ -255,6 +269,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
     throw Error(fmt::format("cannot read {}: there is no such scene folder or video", path));
   check(options);
   Scene scene = read_recognised(path, options);
+  set_masks(scene, options);
   scene.folder = path;
   const fs::path absolute = fs::absolute(path).lexically_normal();
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();

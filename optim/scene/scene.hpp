@@ -24,7 +24,7 @@ struct Frame {
   double time = 0;   // [0, 1]
   std::string path;  // image, or video if video_frame >= 0
   std::shared_ptr<const Image> image;  // the image itself, of a scene in memory: path names it
-  std::string mask_path;               // mask image multiplied into alpha, or empty
+  std::string mask_path;               // mask image (Scene::masks_ignore), or empty
   int video_frame = -1;                // index of the video frame
   std::string flow_path;  // true flow to the next step seen by this camera held static, or empty
   double flow_time = 0;   // [0, 1]; target time of the true flow
@@ -52,7 +52,8 @@ struct Scene {
   int steps = 0;             // number of distinct training times; other views have the nearest step
   double fps = 0;            // frames per second, > 0; 24 if the scene has no value
   double near = 0, far = 0;  // depth range seen by the cameras; 0 if unknown
-  bool has_alpha = false;    // images have straight alpha or masks
+  bool has_alpha = false;    // images have straight alpha, or masks that are multiplied into it
+  bool masks_ignore = false;  // masks say where pixels count instead: 0 is left out of all losses
   std::vector<std::string> notices;  // warnings about files that cannot be used, one sentence each
 };
 

@@ -13,10 +13,10 @@ namespace gflow {
 enum class Background { white, black, random };
 constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
 
-// Mask images to use: those meant as transparency; also those that label moving objects (Panoptic's
-// seg/); or none.
-enum class Masks { automatic, all, none };
-constexpr std::array<const char*, 3> names_of(Masks) { return {"auto", "all", "none"}; }
+// What mask images mean: black pixels take no part in the training, or they are transparent.
+// automatic: as the programs of the layout take them.
+enum class Masks { automatic, ignore, alpha, none };
+constexpr std::array<const char*, 4> names_of(Masks) { return {"auto", "ignore", "alpha", "none"}; }
 
 // Background grey, 0 to 255, for rendering and evaluation. Background::random affects training
 // steps only and is white here.
@@ -57,8 +57,9 @@ struct SceneOptions {
           "folder with one image per camera (N3V, COLMAP), or in rgb/ (nerfies); empty: found by "
           "name");
     field("masks", self.masks,
-          "mask images as transparency; auto: mask_path (nerfstudio), masks/ (COLMAP); all: also "
-          "seg/ (Panoptic)");
+          "mask images (mask_path of nerfstudio, masks/ of COLMAP, seg/ of Panoptic): black pixels "
+          "are left out of losses and metrics (ignore) or transparent (alpha); auto: ignore, "
+          "without seg/, which labels what moves; none: no masks");
     field("cameras", self.cameras,
           "file with the camera, or with one camera per image: cameras.json or transforms.json; "
           "empty: a static camera by scene.elevation, radius and fovy (Consistent4D, video)");

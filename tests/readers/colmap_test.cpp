@@ -314,7 +314,7 @@ TEST(Colmap, ReadingPointsTakesTheMemoryOfWhatIsMadeOfThem) {
   EXPECT_LT(memory_of(read), points_mib + 8);
 }
 
-TEST(Colmap, MasksBesideTheImagesBecomeAlpha) {
+TEST(Colmap, MasksBesideTheImagesAreIgnoredPixelsOrAlpha) {
   const TemporaryFolder folder;
   make_text(folder);
   make_png(folder, "images/a.png");
@@ -322,10 +322,16 @@ TEST(Colmap, MasksBesideTheImagesBecomeAlpha) {
   make_png(folder, "masks/a.png", 8, 6, 1);
   make_png(folder, "masks/b.png.png", 8, 6, 1);
   Scene scene = read_scene(folder.path());
-  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_FALSE(scene.has_alpha);
+  EXPECT_TRUE(scene.masks_ignore);
+  EXPECT_NE(scene.notices.at(0).find("scene.masks = \"alpha\""), std::string::npos);
   EXPECT_EQ(std::filesystem::path(scene.test[0].mask_path).filename(), "a.png");
   EXPECT_EQ(std::filesystem::path(scene.train[0].mask_path).filename(), "b.png.png");
   SceneOptions options;
+  options.masks = Masks::alpha;
+  scene = read_scene(folder.path(), options);
+  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_FALSE(scene.masks_ignore);
   options.masks = Masks::none;
   scene = read_scene(folder.path(), options);
   EXPECT_FALSE(scene.has_alpha);

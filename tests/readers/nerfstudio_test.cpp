@@ -227,15 +227,19 @@ TEST(Nerfstudio, AFlagMakesALensAFisheye) {
   expect_error([&] { cameras(frame(1), R"(, "is_fisheye": 1)"); }, {"'is_fisheye'", "not true"});
 }
 
-TEST(Nerfstudio, MasksOfFramesAreTheirAlpha) {
+TEST(Nerfstudio, MasksOfFramesAreIgnoredPixelsOrAlpha) {
   const TemporaryFolder folder;
   make_nerfstudio(folder, joined({frame(0), frame(1, R"(, "mask_path": "masks/1.png")")}));
   make_png(folder, "masks/1.png", 8, 6, 1);
   SceneOptions options;
   Scene scene = read_scene(folder.path(), options);
-  EXPECT_TRUE(scene.has_alpha);
+  EXPECT_FALSE(scene.has_alpha);
+  EXPECT_TRUE(scene.masks_ignore);
   EXPECT_EQ(scene.train[0].mask_path, folder.file("masks/1.png"));
+  options.masks = Masks::alpha;
+  EXPECT_TRUE(read_scene(folder.path(), options).has_alpha);
   options.masks = Masks::none;
+  EXPECT_FALSE(read_scene(folder.path(), options).masks_ignore);
   EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
 }
 

@@ -85,7 +85,7 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   write_npz(folder.file("init_pt_cld.npz"),
             {{"data", {{1, 7}, std::vector<double>{1, 2, 3, 0, 0.5, 1, 1}}}});
   SceneOptions options;
-  options.masks = Masks::all;
+  options.masks = Masks::alpha;
   const Scene scene = read_scene(folder.path(), options);
   EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));
   EXPECT_EQ(scene.points.rgb, (std::vector<uint8_t>{0, 128, 255}));

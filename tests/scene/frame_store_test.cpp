@@ -222,6 +222,28 @@ TEST(FrameStore, AMaskOfZerosAndOnesIsWhole) {
   EXPECT_EQ(store.alpha(scene.train[0])->pixels[6], 0);
 }
 
+// A pixel of the reduced image counts if all its pixels do.
+TEST(FrameStore, AMaskMaySayWhichPixelsCount) {
+  const TemporaryFolder folder;
+  Scene scene = make_scene(folder, 3);
+  Image mask{8, 6, 1, std::vector<uint8_t>(48, 255)};
+  mask.pixels[8 + 2] = 0;  // x 2, y 1
+  write_png(folder.file("masks/m.png"), mask);
+  scene.train[0].mask_path = folder.file("masks/m.png");
+  scene.masks_ignore = true;
+  FrameStore store(scene);
+  EXPECT_EQ(store.rgb(scene.train[0])->channels, 3);
+  EXPECT_EQ(store.alpha(scene.train[0]), nullptr);
+  EXPECT_EQ(store.counted(scene.train[0])->pixels, mask.pixels);
+  EXPECT_EQ(store.counted(scene.train[1]), nullptr);
+  FrameStoreOptions options;
+  options.resolution = 2;
+  FrameStore half(scene, options);
+  const auto counted = half.counted(scene.train[0]);
+  ASSERT_EQ(counted->pixels.size(), 12u);
+  for (size_t i = 0; i < 12; ++i) EXPECT_EQ(counted->pixels[i], i == 1 ? 0 : 255) << i;
+}
+
 TEST(FrameStore, AMaskOfAnotherSizeIsRefusedWithBothSizes) {
   const TemporaryFolder folder;
   Scene scene = make_scene(folder, 3);

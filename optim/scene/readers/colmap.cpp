@@ -85,7 +85,7 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha;
     if (options.masks != Masks::none) frame.mask_path = find_mask(folder, image.name, sparse);
-    scene.has_alpha |= !frame.mask_path.empty();
+    scene.has_alpha |= !frame.mask_path.empty() && options.masks == Masks::alpha;
     frame.name = fs::path(image.name).replace_extension().generic_string();
     frame.camera = frame.track = int(i);  // without times the order of images is unknown
     scene.cameras.push_back(

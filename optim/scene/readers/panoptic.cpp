@@ -111,7 +111,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
                                 owner->second));
       Frame frame;
       frame.path = file_in(folder, "ims", name, meta);
-      if (options.masks == Masks::all)
+      if (options.masks == Masks::alpha)
         frame.mask_path =
             file_in(folder, "seg", fs::path(name).replace_extension(".png").string(), meta);
       frame.track = id;

@@ -174,7 +174,8 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     if (frame.time < 0)
       throw Error(fmt::format("'time' of {} is {}, expected 0 or more", where, frame.time));
     const ImageHeader header = read_image_header(frame.path);
-    scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
+    scene.has_alpha |=
+        header.has_alpha || (!frame.mask_path.empty() && options.masks == Masks::alpha);
     Camera camera = camera_of(file, entry, where, frame.path, header.width, header.height);
     frame.name = frame_name(folder, frame.path);
     camera.name = frame.name;
