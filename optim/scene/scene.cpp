@@ -12,6 +12,7 @@
 #include <optional>
 #include <set>
 
+#include "optim/scene/camera_settings.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "runtime/base/error.hpp"
@@ -275,6 +276,8 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
+  if (scene.layout != "n3v") skip_cameras(scene, options.skip_cameras);
+  shift_times(scene, options.time_offsets);
   complete_scene(scene, options, origin);
   if (scene.points.size() > 0 && scene.points.rgb.empty())
     scene.notices.push_back(fmt::format(

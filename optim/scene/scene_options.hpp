@@ -30,6 +30,8 @@ struct SceneOptions {
   int resolution = 1;
   Background background = Background::white;
   int holdout = 0;
+  std::string skip_cameras;
+  std::string time_offsets;
   std::string images;
   Masks masks = Masks::automatic;
   std::string cameras;
@@ -53,6 +55,11 @@ struct SceneOptions {
         "background", self.background,
         "background of transparent images; random: a new colour in each training step, else white");
     field("holdout", self.holdout, "number of the test camera; -1: none (N3V)", at_least(-1));
+    field("skip_cameras", self.skip_cameras,
+          "names of cameras to leave out, separated by commas: cam03,cam13");
+    field("time_offsets", self.time_offsets,
+          "shifts of cameras in time [frames], for cameras out of sync: cam03=0.5,cam07=-1; frames "
+          "of cam03 are then half a frame later than those of the others");
     field("images", self.images,
           "folder with one image per camera (N3V, COLMAP), or in rgb/ (nerfies); empty: found by "
           "name");

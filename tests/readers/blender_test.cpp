@@ -79,6 +79,26 @@ TEST(Blender, EqualPosesAreOneCameraWithFlowPairsInTime) {
   EXPECT_EQ(scene.train[size_t(pairs[0].next)].step, 2);
 }
 
+// Cameras of layouts without their own names have that of their first image.
+TEST(Blender, CamerasMayBeLeftOutAndShiftedInTime) {
+  const TemporaryFolder folder;
+  make_blender(folder, frame("train/a", "0", pose) + "," + frame("train/b", "0.5", other_pose) +
+                           "," + frame("train/c", "1", pose));
+  SceneOptions options;
+  options.time_offsets = "train_b=0.5";
+  EXPECT_EQ(read_scene(folder.path(), options).train.at(2).time, 0.75);
+  options.time_offsets = "";
+  options.skip_cameras = "train_b";
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.cameras.size(), 1u);
+  EXPECT_EQ(scene.steps, 2);
+  ASSERT_EQ(scene.train.size(), 2u);
+  EXPECT_EQ(scene.train[1].name, "train_c");
+  EXPECT_EQ(scene.train[1].step, 1);
+  options.skip_cameras = "train_c";
+  expect_error([&] { read_scene(folder.path(), options); }, {"'train_c'", "train_a, train_b"});
+}
+
 TEST(Blender, TrueFlowMakesAPairWithoutANextFrame) {
   const TemporaryFolder folder;
   make_blender(folder, frame("train/a", "0", pose) + "," + frame("train/b", "0.5", other_pose) +

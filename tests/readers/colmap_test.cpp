@@ -558,6 +558,26 @@ TEST(Colmap, ReducedImagesAreSelectedAndTheirCamerasFollow) {
                {"no folder", "images_4", "scene.images selects another: images, images_2"});
 }
 
+TEST(Colmap, ImagesMayBeLeftOutByName) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  SceneOptions options;
+  for (const char* name : {"b", "b.png"}) {
+    options.skip_cameras = name;
+    options.test_every = 0;
+    EXPECT_EQ(read_scene(folder.path(), options).cameras.at(0).name, "a.png");
+    options.test_every = 8;
+    expect_error([&] { read_scene(folder.path(), options); }, {"leaves no training images"});
+  }
+  options.skip_cameras = "a";
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.train.at(0).name, "b");
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0], "scene.skip_cameras leaves no test views");
+}
+
 TEST(Colmap, NamesOfWindowsHaveSlashes) {
   const TemporaryFolder folder;
   make_text(folder);

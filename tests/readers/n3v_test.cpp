@@ -206,6 +206,73 @@ TEST(N3v, StepsThatOneCameraLacksAreToldAndLeftOut) {
             "using only the 2 of 3 time steps that all cameras have: cam01 has no more");
 }
 
+TEST(N3v, CamerasMayBeLeftOut) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  for (const int camera : {0, 1})  // the camera to leave out is shorter than the others
+    make_png(folder, fmt::format("cam{:02}/images/0002.png", camera), 8, 6);
+  SceneOptions options;
+  options.skip_cameras = " cam02,";
+  Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.steps, 3);
+  EXPECT_TRUE(scene.notices.empty());
+  ASSERT_EQ(scene.cameras.size(), 2u);
+  EXPECT_EQ(scene.test.at(0).name, "cam00_0000");
+  ASSERT_EQ(scene.train.size(), 3u);
+  EXPECT_EQ(scene.train[2].name, "cam01_0002");
+  EXPECT_EQ(scene.cameras[size_t(scene.train[2].camera)].position().x(), 1);
+  options.skip_cameras = "cam01";
+  options.holdout = 2;  // counts all cameras
+  EXPECT_EQ(read_scene(folder.path(), options).test.at(0).name, "cam02_0000");
+  options.skip_cameras = "cam01,cam02";
+  scene = read_scene(folder.path(), options);
+  EXPECT_TRUE(scene.test.empty());
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("leaves out the test camera cam02"), std::string::npos);
+  options.skip_cameras = "cam02,cam2";
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"scene.skip_cameras names camera 'cam2'", "has cam00, cam01, cam02"});
+  options.skip_cameras = "cam00,cam01,cam02";
+  expect_error([&] { read_scene(folder.path(), options); }, {"leaves no camera"});
+}
+
+TEST(N3v, CamerasOutOfSyncAreShiftedInTime) {
+  const TemporaryFolder folder;
+  for (int c = 0; c < 3; ++c)
+    for (int k = 0; k < 5; ++k) make_png(folder, fmt::format("cam{:02}/images/{:04}.png", c, k));
+  make_poses(folder, 3);
+  SceneOptions options;
+  options.time_offsets = "cam01=+0.5, cam02 = -1";
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(scene.steps, 5);
+  EXPECT_EQ(scene.test.size(), 5u);
+  ASSERT_EQ(scene.train.size(), 8u);
+  for (size_t k = 0; k < 4; ++k) {
+    const Frame &half = scene.train[k], &whole = scene.train[4 + k];
+    EXPECT_EQ(half.name, fmt::format("cam01_{:04}", k));
+    EXPECT_EQ(half.time, 0.25 * double(k) + 0.125);
+    EXPECT_EQ(half.step, int(k));
+    EXPECT_EQ(whole.name, fmt::format("cam02_{:04}", k + 1));
+    EXPECT_EQ(whole.time, 0.25 * double(k));
+    EXPECT_EQ(whole.step, int(k));
+  }
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0],
+            "2 frames are left out: scene.time_offsets moves them out of the video");
+  for (const char* list : {"cam01", "cam01=", "cam01=x", "cam01=nan", "cam01=1.5f"}) {
+    options.time_offsets = list;
+    expect_error([&] { read_scene(folder.path(), options); },
+                 {std::string("'") + list + "'", "expected NAME=NUMBER"});
+  }
+  options.time_offsets = "cam1=1";
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"scene.time_offsets names camera 'cam1'"});
+  options.time_offsets = "cam01=1";
+  options.max_steps = 1;
+  EXPECT_EQ(read_scene(folder.path(), options).train.size(),
+            1u);  // cam02's; that of cam01 is later
+}
+
 TEST(N3v, CamerasWithoutACommonFrameAreRefused) {
   const TemporaryFolder folder;
   make_png(folder, "cam00/images/0000.png");

@@ -14,6 +14,7 @@
 #include "optim/images/image_header.hpp"
 #include "optim/images/video.hpp"
 #include "optim/scene/align_points.hpp"
+#include "optim/scene/camera_settings.hpp"
 #include "optim/scene/readers/colmap_points.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
@@ -286,18 +287,34 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
                             options.holdout, folder, n - 1));
   Scene scene;
   scene.layout = "n3v";
-  scene.cameras = read_cameras(folder, footage, scene);
+  const std::vector<Camera> all = read_cameras(folder, footage, scene);
+  scene.points = read_points(folder, all, scene.notices);
+  // Before the steps that all cameras have: one to skip may be too short.
+  const std::vector<bool> skipped = skipped_cameras(all, options.skip_cameras);
+  std::vector<Footage> used;
+  int test_camera = -1;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (skipped[i]) continue;
+    if (int(i) == options.holdout) test_camera = int(used.size());
+    used.push_back(footage[i]);
+    scene.cameras.push_back(all[i]);
+  }
+  footage = used;
   scene.fps = footage[0].fps;
   const std::vector<std::string> steps = common_steps(footage, folder);
-  scene.notices = unused_steps(footage, steps.size());
+  for (const std::string& notice : unused_steps(footage, steps.size()))
+    scene.notices.push_back(notice);
   scene.steps = int(steps.size());
-  for (int i = 0; i < n; ++i) {
-    const std::vector<Frame> frames = frames_of(folder, i, footage[size_t(i)], steps);
-    std::vector<Frame>& split = i == options.holdout ? scene.test : scene.train;
+  for (size_t i = 0; i < footage.size(); ++i) {
+    const std::vector<Frame> frames = frames_of(folder, int(i), footage[i], steps);
+    std::vector<Frame>& split = int(i) == test_camera ? scene.test : scene.train;
     split.insert(split.end(), frames.begin(), frames.end());
+    scene.has_alpha |= footage[i].alpha;
   }
-  for (const Footage& one : footage) scene.has_alpha |= one.alpha;
-  scene.points = read_points(folder, scene.cameras, scene.notices);
+  if (options.holdout >= 0 && test_camera < 0)
+    scene.notices.push_back(
+        fmt::format("scene.skip_cameras leaves out the test camera {}: there are no test views",
+                    all[size_t(options.holdout)].name));
   return scene;
 }
 

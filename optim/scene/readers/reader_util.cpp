@@ -221,14 +221,15 @@ std::vector<double> distinct_times(const std::vector<Frame>& frames) {
   return times;
 }
 
+size_t nearest_time(const std::vector<double>& times, double time) {
+  const auto next = std::lower_bound(times.begin(), times.end(), time);
+  const bool is_before =
+      next != times.begin() && (next == times.end() || time - next[-1] <= *next - time);
+  return size_t(next - times.begin()) - size_t(is_before);
+}
+
 void set_steps(const std::vector<double>& times, std::vector<Frame>& frames) {
-  for (Frame& frame : frames) {
-    auto nearest = std::lower_bound(times.begin(), times.end(), frame.time);
-    const bool is_after =
-        nearest != times.begin() &&
-        (nearest == times.end() || frame.time - nearest[-1] <= *nearest - frame.time);
-    frame.step = int(nearest - times.begin()) - is_after;
-  }
+  for (Frame& frame : frames) frame.step = int(nearest_time(times, frame.time));
 }
 
 void find_true_flow(Frame& frame, const std::string& base, double flow_time) {

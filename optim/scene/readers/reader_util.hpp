@@ -77,6 +77,9 @@ PointCloud find_points(const std::string& folder, std::vector<std::string>& noti
 // The distinct times of the frames in increasing order.
 std::vector<double> distinct_times(const std::vector<Frame>& frames);
 
+// Index of the nearest of these times, the earlier of two.
+size_t nearest_time(const std::vector<double>& times, double time);
+
 // Sets each frame's step to the index of the nearest of these times.
 void set_steps(const std::vector<double>& times, std::vector<Frame>& frames);
 
