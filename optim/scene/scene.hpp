@@ -54,7 +54,7 @@ struct Scene {
   double near = 0, far = 0;  // depth range seen by the cameras; 0 if unknown
   bool has_alpha = false;    // images have straight alpha, or masks that are multiplied into it
   bool masks_ignore = false;  // masks say where pixels count instead: 0 is left out of all losses
-  std::vector<std::string> notices;  // warnings about files that cannot be used, one sentence each
+  std::vector<std::string> notices;  // what was left out or assumed, one sentence each
 };
 
 // Completes a scene that was made in memory, whose cameras, frames (with camera, track, time,
