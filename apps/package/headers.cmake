@@ -4,6 +4,10 @@
 cmake_policy(VERSION 3.25)
 set(todo optim/engine/engine.hpp optim/model/renderer.hpp  # gflow::engine
     optim/train/train.hpp optim/runs/train_run.hpp optim/runs/evaluate_run.hpp)  # gflow::train
+foreach(room formats motion loss density model)  # to read files, to build losses and motion models on
+  file(GLOB headers RELATIVE ${SOURCE} ${SOURCE}/optim/${room}/*.hpp)
+  list(APPEND todo ${headers})
+endforeach()
 set(headers "")
 while(todo)
   list(POP_FRONT todo header)

@@ -15,7 +15,7 @@
 #include "optim/loss/loss_options.hpp"
 #include "optim/model/view_options.hpp"
 #include "optim/motion/motion_options.hpp"
-#include "optim/options/training_options.hpp"
+#include "optim/options/schedule_options.hpp"
 #include "optim/scene/scene_options.hpp"
 
 namespace gflow {

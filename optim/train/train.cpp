@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/train.hpp"
 
+#include <optional>
+
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/preparation.hpp"
+#include "runtime/base/warning.hpp"
 #include "runtime/files/temporary_folder.hpp"
 
 namespace gflow {
@@ -10,8 +13,11 @@ namespace gflow {
 TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
                   const TrainExtensions& extensions) {
   check(options);
-  TrainObserver nobody;
-  TrainObserver& observer = extensions.observer ? *extensions.observer : nobody;
+  TrainObserver silent;
+  TrainObserver& observer = extensions.observer ? *extensions.observer : silent;
+  std::optional<WarningsTo> warnings;
+  if (extensions.observer)
+    warnings.emplace([&](const std::string& sentence) { observer.on_notice(sentence); });
   const ScratchFolder folder("train");
   Preparation prepared(options,
                        with_frames(std::move(scene), options.scene, folder.file("frames")));

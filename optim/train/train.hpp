@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training as one call, for programs; without run folder or terminal.
+// Training as one call, for programs; without run folder or terminal. Warnings go to the observer,
+// without one to stderr.
 #pragma once
 #include "optim/train/train_loop.hpp"
 

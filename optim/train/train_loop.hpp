@@ -36,7 +36,7 @@ class TrainObserver {
   virtual void on_flow(size_t /*done*/, size_t /*pairs*/) {}
   // After each step. An exception ends the training.
   virtual void after_step(TrainState&) {}
-  // A message to the user about an event in a step.
+  // A message to the user about an event in a step; in train() also warnings, from any thread.
   virtual void on_notice(const std::string&) {}
   // Called before each step, with `done` steps made; true ends the training.
   virtual bool stop(int done) {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "optim/train/objectives.hpp"
+#include "optim/train/make_objectives.hpp"
 #include "optim/train/optimizer.hpp"
 #include "optim/train/sampler.hpp"
 #include "optim/train/view_pass.hpp"

@@ -6,6 +6,8 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <map>
+#include <mutex>
 #include <set>
 #include <sstream>
 
@@ -17,7 +19,19 @@
 namespace gflow {
 namespace {
 
+// Guarded by registered_mutex.
+std::map<std::string, std::string>& registered_kernels() {
+  static std::map<std::string, std::string> texts;
+  return texts;
+}
+std::mutex registered_mutex;
+
 std::string kernel_text(const std::string& file) {
+  {
+    const std::lock_guard<std::mutex> lock(registered_mutex);
+    const auto own = registered_kernels().find(file);
+    if (own != registered_kernels().end()) return own->second;
+  }
   if (const char* folder = std::getenv("GFLOW_KERNEL_DIR"); folder && *folder) {
     std::ifstream in(std::string(folder) + "/" + file, std::ios::binary);
     if (!in) throw Error("there is no kernel file " + file + " in GFLOW_KERNEL_DIR = " + folder);
@@ -79,6 +93,12 @@ void require_room_for_programs(const DeviceInfo& device, const std::string& file
 }
 
 }  // namespace
+
+void register_kernel(const std::string& file, const std::string& text) {
+  const std::lock_guard<std::mutex> lock(registered_mutex);
+  if (kernel_sources().count(file) || !registered_kernels().emplace(file, text).second)
+    throw Error("there is already a kernel file named " + file);
+}
 
 std::string expand_includes(const std::string& file) {
   std::ostringstream out;

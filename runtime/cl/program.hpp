@@ -32,6 +32,10 @@ struct Program {
   cl::Program handle;
 };
 
+// Adds a kernel file of a program that uses gflow, so that it is found by that name and may include
+// those of gflow. Error if there is a kernel file of that name.
+void register_kernel(const std::string& file, const std::string& text);
+
 // The file with its #include "..." lines expanded, each file once, and with #line marks, so that
 // the compiler's messages have our file names and line numbers.
 std::string expand_includes(const std::string& file);

@@ -66,6 +66,15 @@ TEST(Program, FindsItsEmbeddedFilesWithoutAFolder) {
   EXPECT_NE(expand_includes("primitives/adam.cl").find("adam_update"), std::string::npos);
 }
 
+// As a loss or a motion model outside of gflow brings its kernel.
+TEST(Program, FindsRegisteredFilesThatIncludeItsOwn) {
+  register_kernel("outside/value.cl", std::string("#include \"shared/arrays.h\"\n") + value_kernel);
+  Queue queue = test_queue();
+  EXPECT_EQ(run_value(queue, Program(queue, "outside/value.cl", {{"VALUE", 9}})), 9u);
+  expect_error([] { register_kernel("outside/value.cl", ""); }, {"outside/value.cl", "already"});
+  expect_error([] { register_kernel("primitives/adam.cl", ""); }, {"adam.cl", "already"});
+}
+
 TEST(Program, MissingFileIsNamed) {
   EXPECT_EQ(build_error("no_such.cl"), "there is no kernel file no_such.cl");
 }

@@ -121,8 +121,10 @@ class Counter : public TrainObserver {
     last_loss = state.report().loss;
     gaussians = state.model().parameters.count;
   }
+  void on_notice(const std::string& sentence) override { notices.push_back(sentence); }
   bool stop(int done) override { return done >= most_; }
 
+  std::vector<std::string> notices;
   std::vector<int> seen;
   double last_loss = 0;
   size_t gaussians = 0;
@@ -238,6 +240,20 @@ TEST_F(Seams, AnObserverSeesEveryStepAndMayStop) {
   extensions.observer = &some;
   EXPECT_EQ(train(queue(), scene_in_memory(config(40)), config(40), extensions).steps, 25);
   EXPECT_EQ(some.seen.size(), 25u);
+}
+
+TEST_F(Seams, AnObserverTakesWarnings) {
+  TrainOptions tight = config(2);
+  tight.density.memory = 1;  // MiB
+  tight.density.cap = 1000000;
+  Counter counter;
+  TrainExtensions extensions;
+  extensions.observer = &counter;
+  testing::internal::CaptureStderr();
+  train(queue(), scene_in_memory(tight), tight, extensions);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  ASSERT_EQ(counter.notices.size(), 1u);
+  EXPECT_NE(counter.notices[0].find("density.cap = 1000000"), std::string::npos);
 }
 
 TEST_F(Seams, ASceneInMemoryTrainsToTheBitsOfItsFiles) {

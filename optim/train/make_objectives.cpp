@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/train/objectives.hpp"
+#include "optim/train/make_objectives.hpp"
 
 #include "optim/objectives/flow_objective.hpp"
 #include "optim/objectives/guidance_objective.hpp"
