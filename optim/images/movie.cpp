@@ -6,6 +6,7 @@ extern "C" {
 }
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 

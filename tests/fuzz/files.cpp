@@ -166,7 +166,9 @@ void given_cameras(const uint8_t* bytes, size_t size) {
   as_file(bytes, size, "transforms.json", [](const std::string& path) {
     SceneOptions options;
     options.cameras = path;
-    for (const size_t images : {1, 3}) cameras_of_view(options, images, 54, 96, "v.mp4");
+    std::vector<std::string> notices;
+    for (const size_t images : {1, 3})
+      cameras_of_view(options, {images, {}, true, 54, 96, "v.mp4"}, notices);
   });
 }
 void given_cameras_seeds(const std::string& to) {

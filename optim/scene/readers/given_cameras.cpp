@@ -19,7 +19,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-std::vector<Camera> read_cameras(const std::string& path, const View& view) {
+std::vector<Camera> read_cameras(const std::string& path, const ViewImages& view) {
   if (read_json(path).is_object())
     return read_cameras(read_transforms(path), view.width, view.height, view.source);
   std::vector<Camera> cameras = read_cameras_json(path, 1);
@@ -34,7 +34,7 @@ std::string image_stem(const std::string& name) {
 }
 
 // The camera named like each image, -1 if there is none; all -1 if cameras share a name.
-std::vector<int> by_name(const std::vector<Camera>& cameras, const View& view) {
+std::vector<int> by_name(const std::vector<Camera>& cameras, const ViewImages& view) {
   std::vector<int> of_image(view.count, -1);
   std::map<std::string, int> known;
   for (size_t i = 0; i < cameras.size(); ++i)
@@ -66,7 +66,7 @@ std::vector<size_t> numbers_of(const std::vector<Camera>& cameras) {
 // The camera numbered like each frame of a whole video, -1 if there is none; all -1 if it is not
 // clear whether the first frame is 0 or 1. Numbers must reach the last tenth of the video: those of
 // frames taken from it at a lower rate end before.
-std::vector<int> by_number(const std::vector<Camera>& cameras, const View& view) {
+std::vector<int> by_number(const std::vector<Camera>& cameras, const ViewImages& view) {
   std::vector<int> of_image(view.count, -1);
   const std::vector<size_t> numbers = numbers_of(cameras);
   if (numbers.empty()) return of_image;
@@ -84,7 +84,7 @@ bool are_without_gaps(const std::vector<Camera>& cameras) {
   return numbers.empty() || (numbers[0] <= 1 && numbers.back() - numbers[0] + 1 == numbers.size());
 }
 
-ViewCameras one_for_all(const Camera& camera, const View& view) {
+ViewCameras one_for_all(const Camera& camera, const ViewImages& view) {
   return {{camera}, std::vector<int>(view.count, 0)};
 }
 
@@ -103,7 +103,7 @@ ViewCameras only_used(const ViewCameras& all) {
 
 }  // namespace
 
-ViewCameras cameras_of_view(const SceneOptions& options, const View& view,
+ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
                             std::vector<std::string>& notices) {
   if (options.cameras.empty())
     return one_for_all(static_camera("input", 0, options, view.width, view.height), view);

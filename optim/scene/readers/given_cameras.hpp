@@ -11,7 +11,7 @@
 namespace gflow {
 
 // The images of one view in order of time.
-struct View {
+struct ViewImages {
   size_t count = 0;                // number of images
   std::vector<std::string> names;  // their file names; empty for the frames of a video
   bool is_whole = true;            // false: the video may have more frames
@@ -31,7 +31,7 @@ struct ViewCameras {
 // order of names. Names of cameras of a video may end in the number of the frame, from 0 or 1, if
 // it is clear from which. Images without a camera are left out with a notice. Error if it is not
 // clear which camera an image has.
-ViewCameras cameras_of_view(const SceneOptions& options, const View& view,
+ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
                             std::vector<std::string>& notices);
 
 }  // namespace gflow

@@ -42,7 +42,7 @@ World read_world(const std::string& path) {
 }
 
 // rgb/ and options.images, else rgb/Nx with the smallest N, which has the largest images.
-std::string image_folder_of(const std::string& folder, const SceneOptions& options) {
+std::string rgb_folder_of(const std::string& folder, const SceneOptions& options) {
   const std::string rgb = join(folder, "rgb");
   if (!options.images.empty()) {
     if (!fs::is_directory(join(rgb, options.images)))
@@ -132,7 +132,7 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
   const std::string metadata_path = join(folder, "metadata.json");
   const Json dataset = read_json(dataset_path), metadata = read_json(metadata_path);
   const World world = read_world(join(folder, "scene.json"));
-  const std::string image_folder = image_folder_of(folder, options);
+  const std::string image_folder = rgb_folder_of(folder, options);
 
   Scene scene;
   scene.layout = "nerfies";
