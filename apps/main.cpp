@@ -82,10 +82,10 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   app.formatter(std::make_shared<gflow::WrappedHelp>());  // inherited by the commands
   const std::string commit = GFLOW_COMMIT;
   app.set_version_flag("--version",
-                       fmt::format("gflow {}{}\nOpenCL: 1.2 and later\nOpenCV: {}\nnetworks "
-                                   "(OpenCV dnn): {}",
+                       fmt::format("gflow {}{}\nOpenCL: 1.2 and later\nOpenCV: {}\nFFmpeg "
+                                   "(libavformat): {}\nnetworks (OpenCV dnn): {}",
                                    GFLOW_VERSION, commit.empty() ? "" : " (" + commit + ")",
-                                   GFLOW_OPENCV, GFLOW_NETWORKS));
+                                   GFLOW_OPENCV, GFLOW_LIBAV, GFLOW_NETWORKS));
   app.option_defaults()->always_capture_default();
   app.add_option("--device", options.device,
                  "OpenCL device: its index in `gflow devices` or part of its name")

@@ -218,7 +218,7 @@ TEST_F(CommandTest, ADamagedVideoIsOneSentenceOfOursAlone) {
 TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
   const TemporaryFolder folder;
   const std::string out = folder.path() + "/run";
-  expect_refused({"train", folder.path() + "/none", "-o", out}, {"/none", "no such folder"});
+  expect_refused({"train", folder.path() + "/none", "-o", out}, {"/none", "no such scene folder"});
   expect_refused({"train", folder.path(), "-o", out}, {"no known scene layout"});
   expect_refused({"train", scene().path(), "-o", out, "--set", "flow.wieght=1"},
                  {"flow.wieght", "flow.weight"});
@@ -355,7 +355,7 @@ TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   EXPECT_EQ(gflow({"--help"}).code, 0);
   const Outcome version = gflow({"--version"});
   EXPECT_EQ(version.code, 0);
-  for (const char* part : {"gflow ", "OpenCL", "OpenCV", "networks"})
+  for (const char* part : {"gflow ", "OpenCL", "OpenCV", "FFmpeg", "networks"})
     EXPECT_NE(version.out.find(part), std::string::npos) << version.out;
   for (const char* command : {"train", "render", "eval", "splat", "devices"}) {
     const Outcome outcome = gflow({command, "--help"});

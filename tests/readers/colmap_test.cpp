@@ -345,6 +345,7 @@ TEST(Colmap, MasksHaveUsualNames) {
   make_png(folder, "images/left/b.jpg");
   SceneOptions options;
   options.test_every = 0;
+  options.masks = Masks::ignore;
   for (const char* name : {"mask/left/mask_b.png", "masks/left/mask_b.png", "masks/left/b_mask.png",
                            "masks/left/b.png", "masks/left/b.jpg.png", "masks/left/b.jpg"}) {
     make_png(folder, name, 8, 6, 1);  // each one wins over those before
@@ -603,5 +604,5 @@ TEST(Scene, AnUnknownLayoutSaysWhatWasLookedFor) {
   expect_error([&] { read_scene(folder.path()); },
                {folder.path(), "poses_bounds.npy", "transforms_train.json", "transforms.json",
                 "train_meta.json", "dataset.json", "sparse/0", "0.png", "video"});
-  expect_error([&] { read_scene(folder.path() + "/none"); }, {"no such folder"});
+  expect_error([&] { read_scene(folder.path() + "/none"); }, {"no such scene folder"});
 }
