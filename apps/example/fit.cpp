@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders a moving Gaussian at two times, compares one image with a grey one, and takes ten Adam
 // steps.
+#include <cmath>
 #include <cstdio>
 
 #include "optim/model/renderer.hpp"
@@ -12,12 +13,13 @@ int main() try {
   HostModel host;  // one Gaussian of the spacetime model, moving to the right
   host.count = 1;
   host.shape.sh_degree = 0;
+  // Groups of every motion model: log_scales are those of x, y, z and the lifetime.
   host.groups = {{"means", {0, 0, 0}},     {"means_t", {0.5f}},
                  {"quats", {1, 0, 0, 0}},  {"log_scales", {-1.5f, -1.5f, -1.5f, 5}},
                  {"logit_opacities", {2}}, {"sh0", {1, 0, -1}},
                  {"sh_rest", {}}};
   set_static(host.shape, host.groups, host.count);
-  set_velocity(host.shape, host.groups, 0, {0.8, 0, 0}, 0.2, 100);
+  set_velocity(host.shape, host.groups, 0, {0.8, 0, 0}, std::exp(-1.5), std::exp(5));
   Model model(queue, host);
   Renderer renderer(queue, {});
   Adam adam(queue);
