@@ -60,11 +60,11 @@ const VideoKind kKinds[] = {
     {"hevc_10_bit_bt2020", "a.mp4",
      "-c:v libx265 -x265-params log-level=none -pix_fmt yuv420p10le -colorspace bt2020nc "
      "-color_trc bt2020-10 -color_primaries bt2020",
-     "scale=out_color_matrix=bt2020nc"},
+     "scale=out_color_matrix=bt2020"},
     {"hevc_hlg", "a.mov",
      "-c:v libx265 -x265-params log-level=none -pix_fmt yuv420p10le -colorspace bt2020nc "
      "-color_trc arib-std-b67 -color_primaries bt2020",
-     "scale=out_color_matrix=bt2020nc"},
+     "scale=out_color_matrix=bt2020"},
     {"vp9", "a.webm", "-c:v libvpx-vp9 -pix_fmt yuv420p -deadline realtime"},
     {"av1_or_mpeg2", "a.mpg", "-c:v mpeg2video -pix_fmt yuv420p -r 25"},
     {"prores_422", "a.mov", "-c:v prores_ks -profile:v 3"},
@@ -180,8 +180,8 @@ TEST(VideoTimes, OfAVariableFrameRateWithBFramesAreThoseOfTheContainer) {
       "'setpts=if(lt(N\\,6)\\,N\\,6+3*(N-6))/24/TB' -fps_mode vfr -c:v libx264 -bf 3 " +
       path);
   const std::vector<double> times = frame_times(path), expected = times_of_ffprobe(path);
-  ASSERT_EQ(times.size(), 12u);
-  ASSERT_EQ(expected.size(), 12u);
+  ASSERT_EQ(times.size(), expected.size());
+  ASSERT_GE(times.size(), 11u);  // FFmpeg 7 leaves the last one out
   for (size_t k = 0; k < times.size(); ++k) EXPECT_NEAR(times[k], expected[k] - expected[0], 1e-6);
   EXPECT_NEAR(times[6], 6. / 24, 1e-4);
   EXPECT_NEAR(times[7] - times[6], 3. / 24, 1e-4);
@@ -243,7 +243,7 @@ TEST(VideoHdr, OfAFileIsNeitherDullNorBurnt) {
       make(folder, "a.mov",
            "-c:v libx265 -x265-params log-level=none -pix_fmt yuv420p10le -colorspace bt2020nc "
            "-color_trc smpte2084 -color_primaries bt2020",
-           "scale=out_color_matrix=bt2020nc");
+           "scale=out_color_matrix=bt2020");
   EXPECT_NE(video_info(path).colors.find("HDR (PQ)"), std::string::npos);
   EXPECT_EQ(video_info(path).bits, 10);
   const Image image = Video(path).frame(0);
