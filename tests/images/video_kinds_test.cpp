@@ -64,7 +64,8 @@ const VideoKind kKinds[] = {
     {"hevc_hlg", "a.mov",
      "-c:v libx265 -x265-params log-level=none -pix_fmt yuv420p10le -colorspace bt2020nc "
      "-color_trc arib-std-b67 -color_primaries bt2020",
-     "scale=out_color_matrix=bt2020"},
+     "scale=out_color_matrix=bt2020,setparams=color_trc=arib-std-b67:color_primaries=bt2020:"
+     "colorspace=bt2020nc"},
     {"vp9", "a.webm", "-c:v libvpx-vp9 -pix_fmt yuv420p -deadline realtime"},
     {"av1_or_mpeg2", "a.mpg", "-c:v mpeg2video -pix_fmt yuv420p -r 25"},
     {"prores_422", "a.mov", "-c:v prores_ks -profile:v 3"},
@@ -243,7 +244,8 @@ TEST(VideoHdr, OfAFileIsNeitherDullNorBurnt) {
       make(folder, "a.mov",
            "-c:v libx265 -x265-params log-level=none -pix_fmt yuv420p10le -colorspace bt2020nc "
            "-color_trc smpte2084 -color_primaries bt2020",
-           "scale=out_color_matrix=bt2020");
+           "scale=out_color_matrix=bt2020,setparams=color_trc=smpte2084:color_primaries=bt2020:"
+           "colorspace=bt2020nc");
   EXPECT_NE(video_info(path).colors.find("HDR (PQ)"), std::string::npos);
   EXPECT_EQ(video_info(path).bits, 10);
   const Image image = Video(path).frame(0);
