@@ -126,7 +126,8 @@ TEST(DeviceDeathTest, WhereOnesProgramsCannotBeKeptThatIsTheReason) {
     std::cerr << message_of([] { list_devices(); });
     std::exit(3);
   };
-  EXPECT_EXIT(list(), testing::ExitedWithCode(3), "cannot create the folder /proc/programs given by POCL_CACHE_DIR");
+  EXPECT_EXIT(list(), testing::ExitedWithCode(3),
+              "cannot create the folder /proc/programs given by POCL_CACHE_DIR");
 }
 
 TEST(DeviceDeathTest, AFolderForProgramsThatCannotBeWrittenIsTheReason) {

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "optim/model/as_spacetime.hpp"
 #include "optim/eval/views.hpp"
+#include "optim/model/as_spacetime.hpp"
 #include "tests/support/compare.hpp"
 #include "tests/support/small_scene.hpp"
 
