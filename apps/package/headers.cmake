@@ -2,15 +2,15 @@
 #   SOURCE/optim/train/train.hpp -> INCLUDEDIR/optim/train/train.hpp
 # The exported targets have INCLUDEDIR in their include path.
 cmake_policy(VERSION 3.25)
-set(todo optim/engine/engine.hpp optim/model/renderer.hpp  # gflow::engine
+set(pending optim/engine/engine.hpp optim/model/renderer.hpp  # gflow::engine
     optim/train/train.hpp optim/runs/train_run.hpp optim/runs/evaluate_run.hpp)  # gflow::train
 foreach(room formats motion loss density model)  # to read files, to build losses and motion models on
   file(GLOB headers RELATIVE ${SOURCE} ${SOURCE}/optim/${room}/*.hpp)
-  list(APPEND todo ${headers})
+  list(APPEND pending ${headers})
 endforeach()
 set(headers "")
-while(todo)
-  list(POP_FRONT todo header)
+while(pending)
+  list(POP_FRONT pending header)
   if(header IN_LIST headers)
     continue()
   endif()
@@ -23,5 +23,5 @@ while(todo)
   file(INSTALL ${file} DESTINATION ${CMAKE_INSTALL_PREFIX}/${INCLUDEDIR}/${folder})
   file(STRINGS ${file} includes REGEX "^ *#include \"")
   list(TRANSFORM includes REPLACE "^ *#include \"([^\"]+)\".*" "\\1")
-  list(APPEND todo ${includes})
+  list(APPEND pending ${includes})
 endwhile()
