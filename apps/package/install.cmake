@@ -62,8 +62,8 @@ set(CPACK_COMPONENT_DEV_DEPENDS program)
 set(dev_packages pkg-config ocl-icd-opencl-dev opencl-clhpp-headers libeigen3-dev libfmt-dev libspdlog-dev
     zlib1g-dev libzip-dev)
 if(OpenCV_FOUND)
-  list(APPEND dev_packages nlohmann-json3-dev libtomlplusplus-dev libjpeg-dev libpng-dev libopencv-core-dev
-       libopencv-imgproc-dev libopencv-video-dev libavformat-dev libavcodec-dev libswscale-dev libavutil-dev)
+  list(APPEND dev_packages nlohmann-json3-dev libtomlplusplus-dev libjpeg-dev libpng-dev libtiff-dev libwebp-dev
+       libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev libavformat-dev libavcodec-dev libswscale-dev libavutil-dev)
 endif()
 if(OPENCV_DNN_LIBRARY)
   list(APPEND dev_packages libopencv-dnn-dev)

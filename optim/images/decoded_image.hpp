@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG and JPEG by libpng and libjpeg directly; pixels equal those of OpenCV's decoders. OpenCV
-// prints libpng and libjpeg warnings to stderr without the file's name, and returns invented pixels
-// for a truncated JPEG.
+// PNG, JPEG, WebP and TIFF by their own libraries. OpenCV's decoders, which use them as well, print
+// warnings to stderr without the file's name and return invented pixels for a truncated JPEG.
 #pragma once
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "optim/images/byte_source.hpp"
+#include "optim/images/image_header.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
@@ -21,8 +22,15 @@ struct DecodedImage {
 };
 
 // Decodes bytes that passed check_image_bytes. Grey with alpha becomes 4 channels, CMYK becomes 3.
+// WebP and TIFF are always RGB or RGBA of 8 bits.
 DecodedImage decode_png(const Bytes& bytes);
 DecodedImage decode_jpeg(const Bytes& bytes);
+DecodedImage decode_webp(const Bytes& bytes);
+DecodedImage decode_tiff(const Bytes& bytes);
+
+// Size and alpha without decoding. Returns why the image cannot be read, or "".
+std::string webp_header(ByteSource& source, ImageHeader& header);
+std::string tiff_header(ByteSource& source, ImageHeader& header);
 
 struct PngPixels {
   int width, height;      // [px]

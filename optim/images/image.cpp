@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resampling by OpenCV; PNG and JPEG by libpng and libjpeg (decoded_image.hpp).
+// Resampling by OpenCV; files are decoded by decoded_image.hpp.
 #include "optim/images/image.hpp"
 
 #include <fmt/format.h>
@@ -49,9 +49,23 @@ void check_pixels(const Image& image, const std::string& doing) {
                             image.width, image.height, image.channels, image.pixels.size()));
 }
 
-// `bytes` must have passed check_image_bytes.
-DecodedImage decode(const Bytes& bytes, const std::string& path) {
-  DecodedImage decoded = bytes[0] == 0xff ? decode_jpeg(bytes) : decode_png(bytes);
+DecodedImage decode_as(ImageFormat format, const Bytes& bytes) {
+  switch (format) {
+    case ImageFormat::png:
+      return decode_png(bytes);
+    case ImageFormat::jpeg:
+      return decode_jpeg(bytes);
+    case ImageFormat::webp:
+      return decode_webp(bytes);
+    case ImageFormat::tiff:
+      return decode_tiff(bytes);
+  }
+  return {};
+}
+
+// `bytes` must have passed check_image_bytes, which returned the format.
+DecodedImage decode(const Bytes& bytes, ImageFormat format, const std::string& path) {
+  DecodedImage decoded = decode_as(format, bytes);
   const std::string& why = decoded.complaint;
   if (decoded.pixels.empty())
     throw Error(fmt::format("cannot read image {}: it is damaged ({})", path, why));
@@ -65,8 +79,7 @@ DecodedImage decode(const Bytes& bytes, const std::string& path) {
 
 DecodedImage read_decoded(const std::string& path) {
   const Bytes bytes = read_file(path);
-  check_image_bytes(bytes, path);
-  return decode(bytes, path);
+  return decode(bytes, check_image_bytes(bytes, path).format, path);
 }
 
 // A cv::Mat over the image's memory.
@@ -178,7 +191,7 @@ FlowField read_kitti_flow(const std::string& path) {
   // Three channels of 16 bits. The default plausibility bound applies: flow is less compressible
   // than images of one colour.
   require_plausible_size(6 * size_t(header.width) * size_t(header.height), bytes.size(), path);
-  DecodedImage decoded = decode(bytes, path);
+  DecodedImage decoded = decode(bytes, header.format, path);
   const cv::Mat mat = as_mat(decoded);
   if (mat.type() != CV_16UC3)
     throw Error(fmt::format("cannot read flow {}: KITTI flow is a 16-bit RGB PNG", path));

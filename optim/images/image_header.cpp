@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // PNG: chunks of (length, type, data, checksum) up to IEND. JPEG: segments of (marker, length,
-// data); in the entropy-coded data after SOS, FF D9 is always the end marker.
+// data); in the entropy-coded data after SOS, FF D9 is always the end marker. WebP: a RIFF file.
 #include "optim/images/image_header.hpp"
 
 #include <fmt/format.h>
 #include <zlib.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <climits>
 #include <cstring>
-#include <fstream>
 
+#include "optim/images/byte_source.hpp"
+#include "optim/images/decoded_image.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/packed_size.hpp"
@@ -20,43 +20,6 @@ namespace gflow {
 namespace {
 
 constexpr char png_signature[] = "\x89PNG\r\n\x1a\n";
-
-// Bytes at a position of a file or of memory; false if there are too few.
-class Source {
- public:
-  virtual ~Source() = default;
-  virtual bool read(size_t position, uint8_t* to, size_t n) = 0;
-};
-
-class FileSource : public Source {
- public:
-  explicit FileSource(const std::string& path) {
-    require_file(path);
-    file_.open(path, std::ios::binary);
-    if (!file_) throw Error(fmt::format("cannot read image {}: {}", path, std::strerror(errno)));
-  }
-  bool read(size_t position, uint8_t* to, size_t n) override {
-    file_.clear();
-    file_.seekg(std::streamoff(position));
-    return bool(file_.read(reinterpret_cast<char*>(to), std::streamsize(n)));
-  }
-
- private:
-  std::ifstream file_;
-};
-
-class MemorySource : public Source {
- public:
-  explicit MemorySource(const Bytes& bytes) : bytes_(bytes) {}
-  bool read(size_t position, uint8_t* to, size_t n) override {
-    if (position > bytes_.size() || bytes_.size() - position < n) return false;
-    std::memcpy(to, bytes_.data() + position, n);
-    return true;
-  }
-
- private:
-  const Bytes& bytes_;
-};
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why) {
   throw Error(fmt::format("cannot read image {}: {}", path, why));
@@ -72,13 +35,11 @@ struct Parsed {
   ImageHeader header;
   size_t data = 0;           // offset of the first compressed byte
   size_t bytes_a_pixel = 3;  // memory of decoding; at least the 3 of RGB that grey becomes
-  bool is_png = false;
 };
 
 // Parses the chunks from IHDR to the first IDAT.
-Parsed parse_png(Source& source, const std::string& path) {
+Parsed parse_png(ByteSource& source, const std::string& path) {
   Parsed parsed;
-  parsed.is_png = true;
   size_t at = 8;
   uint8_t chunk[8], ihdr[13] = {};
   while (source.read(at, chunk, 8)) {
@@ -107,7 +68,7 @@ Parsed parse_png(Source& source, const std::string& path) {
 // Memory that a progressive JPEG's decoder needs beside the pixels: 2 bytes per coefficient of each
 // component, until all scans are read. Sampling factors follow the size in the frame header [bytes
 // per pixel].
-size_t kept_coefficients(Source& source, size_t frame) {
+size_t kept_coefficients(ByteSource& source, size_t frame) {
   uint8_t components[1 + 3 * 4] = {};
   source.read(frame + 9, components, 1);
   const size_t count = std::min<size_t>(components[0], 4);
@@ -122,8 +83,9 @@ size_t kept_coefficients(Source& source, size_t frame) {
 }
 
 // Parses the segments up to SOS.
-Parsed parse_jpeg(Source& source, const std::string& path) {
+Parsed parse_jpeg(ByteSource& source, const std::string& path) {
   Parsed parsed;
+  parsed.header.format = ImageFormat::jpeg;
   size_t at = 2;
   uint8_t segment[9];
   while (source.read(at, segment, 4) && segment[0] == 0xff) {
@@ -150,16 +112,35 @@ Parsed parse_jpeg(Source& source, const std::string& path) {
   refuse(path, "its JPEG header is truncated or damaged");
 }
 
-Parsed parse(Source& source, const std::string& path) {
-  uint8_t start[8] = {};
-  source.read(0, start, 8);
+// Parses with a library's function.
+Parsed parse_by(std::string (*read)(ByteSource&, ImageHeader&), ImageFormat format,
+                ByteSource& source, const std::string& path) {
   Parsed parsed;
-  if (std::memcmp(start, png_signature, 8) == 0)
+  parsed.header.format = format;
+  parsed.bytes_a_pixel = 4;
+  const std::string why = read(source, parsed.header);
+  if (!why.empty()) refuse(path, why);
+  return parsed;
+}
+
+Parsed parse(ByteSource& source, const std::string& path) {
+  uint8_t start[12] = {};
+  source.read(0, start, std::min(source.size(), sizeof start));
+  const auto starts_with = [&](const char* bytes, size_t n) {
+    return std::memcmp(start, bytes, n) == 0;
+  };
+  Parsed parsed;
+  if (starts_with(png_signature, 8))
     parsed = parse_png(source, path);
-  else if (start[0] == 0xff && start[1] == 0xd8)
+  else if (starts_with("\xff\xd8", 2))
     parsed = parse_jpeg(source, path);
+  else if (starts_with("RIFF", 4) && std::memcmp(start + 8, "WEBP", 4) == 0)
+    parsed = parse_by(webp_header, ImageFormat::webp, source, path);
+  else if (starts_with("II*\0", 4) || starts_with("MM\0*", 4) || starts_with("II+\0", 4) ||
+           starts_with("MM\0+", 4))
+    parsed = parse_by(tiff_header, ImageFormat::tiff, source, path);
   else
-    refuse(path, "it is neither PNG nor JPEG");
+    refuse(path, "it is neither PNG, JPEG, WebP nor TIFF");
   const ImageHeader& h = parsed.header;
   if (h.width < 1 || h.height < 1 || h.width > largest_side || h.height > largest_side)
     refuse(path, fmt::format("its header states {}x{}, expected sides of 1 to {}", h.width,
@@ -189,6 +170,23 @@ bool jpeg_has_end(const Bytes& bytes, size_t at) {
   return false;
 }
 
+bool has_end(const Parsed& parsed, const Bytes& bytes, const std::string& path) {
+  switch (parsed.header.format) {
+    case ImageFormat::png:
+      return has_whole_chunks(bytes, path);
+    case ImageFormat::jpeg:
+      return jpeg_has_end(bytes, parsed.data);
+    case ImageFormat::webp: {  // the length of a RIFF file is little-endian
+      const size_t length = bytes[4] | size_t(bytes[5]) << 8 | size_t(bytes[6]) << 16 |
+                            size_t(bytes[7]) << 24;
+      return bytes.size() >= 8 + length;
+    }
+    case ImageFormat::tiff:  // its parts lie in any order; the decoder misses them
+      return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 ImageHeader read_image_header(const std::string& path) {
@@ -199,9 +197,7 @@ ImageHeader read_image_header(const std::string& path) {
 ImageHeader check_image_bytes(const Bytes& bytes, const std::string& path) {
   MemorySource source(bytes);
   const Parsed parsed = parse(source, path);
-  const bool ended =
-      parsed.is_png ? has_whole_chunks(bytes, path) : jpeg_has_end(bytes, parsed.data);
-  if (!ended) refuse(path, "it is truncated");
+  if (!has_end(parsed, bytes, path)) refuse(path, "it is truncated");
   // An image of one colour compresses a thousandfold, and films begin black. 256 MB holds an 8K
   // image of 16-bit RGBA.
   constexpr size_t one_colour = size_t{256} << 20;

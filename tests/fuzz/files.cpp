@@ -107,8 +107,8 @@ void image_seeds(const std::string& to) {
   const std::string jpg = folder() + "/made.jpg";
   write_png(jpg, pattern(8, 8));  // a JPEG by its extension
   seed(to, "jpg", contents(jpg));
-  for (const char* name : {"progressive", "progressive_grey", "cmyk"})
-    seed(to, name, contents(fmt::format("{}/tests/data/pictures/{}.jpg", GFLOW_SOURCE_DIR, name)));
+  for (const auto& entry : fs::directory_iterator(GFLOW_SOURCE_DIR "/tests/data/pictures"))
+    seed(to, entry.path().filename().string(), contents(entry.path().string()));
   std::mt19937 rng(9);
   for (const PngKind& kind : {PngKind{3, 4, false, true},
                               {2, 16, true, true},

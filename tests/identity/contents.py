@@ -8,8 +8,9 @@ import numpy as np
 RENAMED = {"rejected": "refused"}
 # JSON keys and CSV columns that measure time or memory, and the array of a checkpoint with its settings and version.
 VARYING = {"seconds", "train_seconds", "peak_memory_mib", "facts"}
-# Files that contain only settings, times or versions.
-IGNORED = {"config.toml", "training.json", "caches.stamp", ".lock"}
+# Files that contain only settings, times or versions, and movies: their encoder changed since OLD. Their frames are
+# compared as images.
+IGNORED = {"config.toml", "training.json", "caches.stamp", ".lock", "cam00.mp4", "compare_cam00.mp4"}
 # Formats compared by value only: archives contain dates, text contains times.
 BY_VALUE = {".npz", ".json", ".jsonl", ".csv"}
 PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}

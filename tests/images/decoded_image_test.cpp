@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every kind of image is read as by OpenCV, and messages of libpng and libjpeg do not reach stderr.
+// Every kind of image is read as by OpenCV or as it was written, and no library's message reaches
+// stderr.
 #include "optim/images/decoded_image.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
@@ -15,6 +17,7 @@
 #include "tests/support/scene_files.hpp"
 
 namespace gflow {
+namespace fs = std::filesystem;
 namespace {
 
 Bytes as_bytes(const std::string& text) { return {text.begin(), text.end()}; }
@@ -156,6 +159,122 @@ TEST(Jpeg, OnesThatLackPixelsAreDamaged) {
     const DecodedImage found = decode_jpeg(half);
     EXPECT_NE(found.complaint, "");
     EXPECT_TRUE(found.pixels.empty());
+  }
+}
+
+// Random pixels, written by OpenCV.
+cv::Mat random_pixels(int type) {
+  cv::Mat pixels(23, 31, type);
+  cv::theRNG().state = 12;
+  cv::randu(pixels, 0, CV_MAT_DEPTH(type) == CV_16U ? 65536 : 256);
+  return pixels;
+}
+
+// Blue first to red first; grey to RGB; 8 bits.
+cv::Mat shown(cv::Mat pixels) {
+  if (pixels.depth() == CV_16U) pixels.convertTo(pixels, CV_8U, 1 / 257.);
+  const int conversion = pixels.channels() == 1   ? cv::COLOR_GRAY2RGB
+                         : pixels.channels() == 3 ? cv::COLOR_BGR2RGB
+                                                  : cv::COLOR_BGRA2RGBA;
+  cv::Mat rgb;
+  cv::cvtColor(pixels, rgb, conversion);
+  return rgb;
+}
+
+// Reads bytes as an image of that name.
+Image read_as(const std::string& name, const Bytes& bytes) {
+  const TemporaryFolder folder;
+  return read_image(folder.write(name, std::string(bytes.begin(), bytes.end())));
+}
+
+void expect_pixels(const Image& found, const cv::Mat& expected) {
+  expect_pixels(DecodedImage{found.width, found.height, found.channels, 8, found.pixels, ""},
+                expected);
+}
+
+TEST(Webp, LosslessOnesAreReadAsTheyWereWritten) {
+  for (const int type : {CV_8UC3, CV_8UC4}) {
+    const cv::Mat pixels = random_pixels(type);
+    Bytes webp;
+    cv::imencode(".webp", pixels, webp, {cv::IMWRITE_WEBP_QUALITY, 101});
+    EXPECT_EQ(check_image_bytes(webp, "a.webp").has_alpha, type == CV_8UC4);
+    cv::Mat expected = shown(pixels);
+    Image found = read_as("a.webp", webp);
+    // The encoder drops colours that no one sees.
+    for (size_t i = 0; found.channels == 4 && i < found.pixels.size(); i += 4)
+      if (found.pixels[i + 3] == 0) {
+        std::fill_n(&found.pixels[i], 3, uint8_t{0});
+        std::fill_n(expected.data + i, 3, uint8_t{0});
+      }
+    expect_pixels(found, expected);
+  }
+}
+
+TEST(Webp, LossyOnesAreReadAsByTheirLibrary) {
+  Bytes webp;
+  cv::imencode(".webp", random_pixels(CV_8UC3), webp, {cv::IMWRITE_WEBP_QUALITY, 80});
+  expect_pixels(decode_webp(webp), read_by_opencv(webp));
+}
+
+TEST(Tiff, EveryKindIsReadAsItWasWritten) {
+  for (const int type : {CV_8UC1, CV_8UC3, CV_8UC4, CV_16UC1, CV_16UC3, CV_16UC4})
+    for (const int compression : {1, 5, 8}) {  // none, LZW, deflate
+      SCOPED_TRACE(fmt::format("type {}, compression {}", type, compression));
+      const cv::Mat pixels = random_pixels(type);
+      Bytes tiff;
+      ASSERT_TRUE(
+          cv::imencode(".tiff", pixels, tiff, {cv::IMWRITE_TIFF_COMPRESSION, compression}));
+      EXPECT_EQ(check_image_bytes(tiff, "a.tif").has_alpha, CV_MAT_CN(type) == 4);
+      if (type != CV_16UC1) {
+        expect_pixels(read_as("a.tif", tiff), shown(pixels));
+        continue;
+      }
+      // libtiff takes the upper byte of grey of 16 bits and does not round it.
+      const Image found = read_as("a.tif", tiff);
+      const cv::Mat expected = shown(pixels);
+      ASSERT_EQ(found.pixels.size(), expected.total() * 3);
+      for (size_t i = 0; i < found.pixels.size(); ++i)
+        ASSERT_NEAR(found.pixels[i], expected.data[i], 1);
+    }
+}
+
+// A TIFF of one pixel whose fourth sample is of that kind.
+Bytes tiff_of(std::array<uint8_t, 4> pixel, uint8_t kind_of_extra) {
+  const uint8_t tags[][2] = {{0, 1}, {1, 1}, {2, 0}, {3, 1}, {6, 2}, {17, 0}, {21, 4}, {23, 4}};
+  constexpr uint8_t count = 9, data = 8 + 2 + 12 * count + 4;  // with tag 338
+  Bytes bytes{'I', 'I', '*', 0, 8, 0, 0, 0, count, 0};
+  const auto add = [&](int tag, int values, uint8_t value) {
+    bytes.insert(bytes.end(), {uint8_t(tag), uint8_t(tag >> 8), 3, 0, uint8_t(values), 0, 0, 0,
+                               value, 0, 0, 0});
+  };
+  for (const auto& [tag, value] : tags) {
+    // 258 bits, 273 offset
+    const uint8_t actual = tag == 2 ? uint8_t(data + 4) : tag == 17 ? data : value;
+    add(256 + tag, tag == 2 ? 4 : 1, actual);
+  }
+  add(338, 1, kind_of_extra);
+  bytes.insert(bytes.end(), 4, 0);  // no next image
+  bytes.insert(bytes.end(), pixel.begin(), pixel.end());
+  for (int i = 0; i < 4; ++i) bytes.insert(bytes.end(), {8, 0});
+  return bytes;
+}
+
+TEST(Tiff, AlphaIsStraightWhateverIsStored) {
+  const std::vector<uint8_t> straight{200, 100, 50, 51};
+  EXPECT_EQ(decode_tiff(tiff_of({200, 100, 50, 51}, 0)).pixels, straight);  // unspecified
+  EXPECT_EQ(decode_tiff(tiff_of({40, 20, 10, 51}, 1)).pixels, straight);    // associated
+  EXPECT_EQ(decode_tiff(tiff_of({200, 100, 50, 51}, 2)).pixels, straight);  // not associated
+}
+
+TEST(WebpAndTiff, DamagedOnesAreRefusedWithTheirName) {
+  for (const char* name : {"a.webp", "a.tiff"}) {
+    Bytes bytes;
+    cv::imencode(fs::path(name).extension().string(), random_pixels(CV_8UC3), bytes);
+    testing::internal::CaptureStderr();
+    for (const size_t size : {bytes.size() / 2, bytes.size() - 5, size_t{13}})
+      expect_error([&] { read_as(name, Bytes(bytes.begin(), bytes.begin() + long(size))); },
+                   {"cannot read image", name});
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   }
 }
 

@@ -21,10 +21,8 @@ std::string image_file(const std::string& folder, const std::string& name,
                        const std::string& sparse) {
   const fs::path path = path_inside(folder, name, sparse);
   if (fs::is_regular_file(path)) return path.string();
-  for (const char* extension : {".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"})
-    if (const fs::path other = fs::path(path).replace_extension(extension);
-        fs::is_regular_file(other))
-      return other.string();
+  const std::string other = find_image(fs::path(path).replace_extension().string());
+  if (!other.empty()) return other;
   throw Error(
       fmt::format("{} lists image {}, but there is no file {}", sparse, name, path.string()));
 }

@@ -24,10 +24,9 @@ std::string find_mask(const std::string& folder, const std::string& image,
       return fs::path(path).replace_filename(name).string();
     };
     const std::string name = path.stem().string();
-    const std::string found =
-        first_existing("", {path.string(), path.string() + ".png", beside(name + ".png"),
-                            beside(name + "_mask.png"), beside("mask_" + name + ".png")});
-    if (!found.empty()) return found;
+    for (const std::string& base :
+         {path.string(), beside(name), beside(name + "_mask"), beside("mask_" + name)})
+      if (const std::string found = find_image(base); !found.empty()) return found;
   }
   return "";
 }

@@ -147,9 +147,9 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
             dataset_path, excerpt(id), owner->second, key));
       Frame frame;
       const std::string base = path_inside(image_folder, id, dataset_path);
-      frame.path = first_existing("", {base + ".png", base + ".jpg"});
+      frame.path = find_image(base);
       if (frame.path.empty())
-        throw Error(fmt::format("{} lists image '{}', but there is no {}.png (nor .jpg)",
+        throw Error(fmt::format("{} lists image '{}', but there is no {}.png (nor .jpg, ...)",
                                 dataset_path, id, base));
       frame.time = time_id(metadata, id, metadata_path);
       frame.name = id;

@@ -10,7 +10,6 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <set>
 
 #include "optim/scene/readers/colmap_model.hpp"
 #include "runtime/base/error.hpp"
@@ -37,11 +36,23 @@ std::string lower(std::string text) {
   return text;
 }
 
-bool has_extension(const fs::directory_entry& entry, const std::set<std::string>& known) {
-  return entry.is_regular_file() && known.count(lower(entry.path().extension().string()));
+std::string as_upper(std::string text) {
+  for (char& c : text) c = char(std::toupper(static_cast<unsigned char>(c)));
+  return text;
 }
 
-const std::set<std::string> image_extensions = {".png", ".jpg", ".jpeg"};
+// In the order in which find_image prefers them.
+const std::vector<std::string> image_extensions = {".png",  ".jpg", ".jpeg",
+                                                   ".webp", ".tif", ".tiff"};
+const std::vector<std::string> video_extensions = {".mp4", ".avi", ".mov", ".mkv", ".webm"};
+
+bool has_extension(const fs::path& path, const std::vector<std::string>& known) {
+  return std::count(known.begin(), known.end(), lower(path.extension().string())) > 0;
+}
+
+bool is_file_with(const fs::directory_entry& entry, const std::vector<std::string>& known) {
+  return entry.is_regular_file() && has_extension(entry.path(), known);
+}
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -70,7 +81,7 @@ bool natural_less(const std::string& a, const std::string& b) {
 }
 
 std::vector<std::string> list_images(const std::string& folder) {
-  return list(folder, [](const auto& e) { return has_extension(e, image_extensions); });
+  return list(folder, [](const auto& e) { return is_file_with(e, image_extensions); });
 }
 
 std::vector<std::string> list_images_below(const std::string& folder) {
@@ -81,7 +92,7 @@ std::vector<std::string> list_images_below(const std::string& folder) {
   for (; !failed && at != fs::recursive_directory_iterator(); at.increment(failed)) {
     const bool hidden = at->path().filename().string()[0] == '.';
     if (hidden) at.disable_recursion_pending();
-    if (!hidden && has_extension(*at, image_extensions))
+    if (!hidden && is_file_with(*at, image_extensions))
       names.push_back(at->path().lexically_relative(folder).generic_string());
   }
   return names;
@@ -92,9 +103,7 @@ std::vector<std::string> list_folders(const std::string& folder) {
 }
 
 std::vector<std::string> list_videos(const std::string& folder) {
-  return list(folder, [](const auto& e) {
-    return has_extension(e, {".mp4", ".avi", ".mov", ".mkv", ".webm"});
-  });
+  return list(folder, [](const auto& e) { return is_file_with(e, video_extensions); });
 }
 
 std::string with_slashes(std::string path) {
@@ -129,6 +138,16 @@ std::string first_existing(const std::string& folder, const std::vector<std::str
   return "";
 }
 
+std::string find_image(const std::string& base) {
+  if (fs::is_regular_file(base)) return base;
+  for (const std::string& extension : image_extensions) {
+    const std::string upper = as_upper(extension);
+    for (const std::string& path : {base + extension, base + upper})
+      if (fs::is_regular_file(path)) return path;
+  }
+  return "";
+}
+
 std::string join(const std::string& folder, const std::string& name) {
   return (fs::path(folder) / name).string();
 }
@@ -136,10 +155,8 @@ std::string join(const std::string& folder, const std::string& name) {
 std::string stem(const std::string& path) { return fs::path(path).stem().string(); }
 
 std::string without_image_extension(const std::string& name) {
-  const fs::path path(name);
-  return image_extensions.count(lower(path.extension().string()))
-             ? fs::path(path).replace_extension().string()
-             : name;
+  const bool has_one = has_extension(name, image_extensions);
+  return has_one ? fs::path(name).replace_extension().string() : name;
 }
 
 Numbered split_number(const std::string& stem) {

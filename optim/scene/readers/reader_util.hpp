@@ -13,7 +13,7 @@
 namespace gflow {
 
 // Names in a folder in natural order (2 before 10); empty if the folder does not exist.
-std::vector<std::string> list_images(const std::string& folder);  // .png .jpg .jpeg
+std::vector<std::string> list_images(const std::string& folder);  // .png .jpg .webp .tif ...
 // Images at any depth as paths relative to the folder, in no order.
 std::vector<std::string> list_images_below(const std::string& folder);
 std::vector<std::string> list_folders(const std::string& folder);
@@ -32,6 +32,10 @@ std::string path_inside(const std::string& folder, const std::string& relative,
 
 // Path of the first of the names (relative to folder) that exists, else empty.
 std::string first_existing(const std::string& folder, const std::vector<std::string>& names);
+
+// BASE itself, or BASE with the extension of an image in lower or upper case; empty if neither is a
+// file.
+std::string find_image(const std::string& base);
 
 // folder/name.
 std::string join(const std::string& folder, const std::string& name);

@@ -41,11 +41,11 @@ std::string image_path(const std::string& folder, const Transforms& file, const 
                        const std::string& where) {
   const std::string relative = text(member(frame, "file_path", where), "'file_path' of " + where);
   const std::string base = path_inside(folder, relative, file.path);
-  for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG"})
-    if (fs::is_regular_file(base + extension)) return base + extension;
+  const std::string found = find_image(base);
+  if (!found.empty()) return found;
   if (fs::is_directory(base))
     throw Error(fmt::format("{} lists image '{}', but {} is a folder", file.path, relative, base));
-  throw Error(fmt::format("{} lists image '{}', but there is no file {} (nor with .png or .jpg)",
+  throw Error(fmt::format("{} lists image '{}', but there is no file {} (nor with .png, .jpg, ...)",
                           file.path, relative, base));
 }
 
