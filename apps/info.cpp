@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow info`: contents of a splat file, a run or a scene. Needs no device.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -18,6 +19,7 @@
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/images/video.hpp"
+#include "optim/scene/readers/reader_util.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/json_text.hpp"
@@ -172,11 +174,32 @@ Json info_of_video(const std::string& path) {
           {"frame_rate", video.variable ? "variable" : "constant"}};
 }
 
-// Times of the frames in [0, 1], if they are not evenly spaced.
+// Distinct times of the training frames in [0, 1].
 Json times_of(const Scene& scene) {
   Json times = Json::array();
-  for (const Frame& frame : scene.train) times.push_back(std::round(frame.time * 1e6) / 1e6);
+  for (const double time : distinct_times(scene.train))
+    times.push_back(std::round(time * 1e6) / 1e6);
   return times;
+}
+
+// How many images have a mask, and what it means.
+std::string masks_of(const Scene& scene) {
+  size_t masked = 0, all = 0;
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split) masked += !frame.mask_path.empty(), ++all;
+  if (masked == 0) return "none";
+  return fmt::format("{} of {} images; black {}", masked, all,
+                     scene.masks_ignore ? "takes no part in the training" : "is transparent");
+}
+
+// Distortion that is removed from the images.
+std::string lenses_of(const Scene& scene) {
+  std::set<std::string> kinds;
+  for (const Camera& camera : scene.cameras)
+    kinds.insert(camera.lens.kind == Lens::Kind::none     ? "no distortion"
+                 : camera.lens.kind == Lens::Kind::radial ? "radial distortion, removed"
+                                                          : "fisheye, made rectilinear");
+  return fmt::format("{}", fmt::join(kinds, "; "));
 }
 
 Json info_of(const Scene& scene, const std::string& path) {
@@ -191,16 +214,21 @@ Json info_of(const Scene& scene, const std::string& path) {
           {"test_frames", scene.test.size()},
           {"val_frames", scene.val.size()},
           {"steps", scene.steps},
+          {"times", times_of(scene)},
           {"fps", scene.fps},
+          {"lens", lenses_of(scene)},
           {"alpha", scene.has_alpha},
+          {"masks", masks_of(scene)},
           {"points", scene.points.size()},
+          {"points_file", scene.points.source},
+          {"points_in_view", share_of_points_in_view(scene)},
           {"extent", scene.extent},
           {"origin", scene.origin},
           {"notices", scene.notices}};
 }
 
 // A plain video is a scene as well.
-Json info_of_file(const std::string& path, Undrawable undrawable) {
+Json info_of_file(const std::string& path, Undrawable undrawable, const SceneOptions& options) {
   try {
     splat_format(path);
   } catch (const Error& no_splat) {
@@ -213,19 +241,35 @@ Json info_of_file(const std::string& path, Undrawable undrawable) {
       throw Error(
           fmt::format("{}; it is not a video either: {}", no_splat.what(), no_video.what()));
     }
-    const Scene scene = read_scene(path);
+    const Scene scene = read_scene(path, options);
     Json info = info_of(scene, path);
     info.update(info_of_video(path));
-    if (info["frame_rate"] == "variable") info["times"] = times_of(scene);
     return info;
   }
   return info_of_splats(path, undrawable);
 }
 
-Json info_of(const std::string& path, int iteration, Undrawable undrawable) {
+// The [scene] settings among defaults; Error for any other.
+SceneOptions scene_options(const std::vector<std::string>& settings) {
+  TrainOptions options;
+  for (const std::string& setting : settings) {
+    if (setting.rfind("scene.", 0) != 0)
+      throw Error(
+          fmt::format("--set {}: expected a setting of [scene], which says how the files "
+                      "are read",
+                      setting));
+    apply_setting(options, setting);
+  }
+  check(options);
+  return options.scene;
+}
+
+Json info_of(const std::string& path, int iteration, Undrawable undrawable,
+             const SceneOptions& options) {
   if (fs::is_directory(path) && RunFolder::is_run(path)) return info_of_run(path, iteration);
   require_no_iteration(iteration, path);
-  return fs::is_directory(path) ? info_of(read_scene(path), path) : info_of_file(path, undrawable);
+  return fs::is_directory(path) ? info_of(read_scene(path, options), path)
+                                : info_of_file(path, undrawable, options);
 }
 
 std::string text_of(const Json& value) {
@@ -233,7 +277,12 @@ std::string text_of(const Json& value) {
   if (value.is_number_float()) return fmt::format("{:.5g}", value.get<double>());
   std::string text;
   if (value.is_array()) {
-    for (const Json& item : value) text += (text.empty() ? "" : ", ") + text_of(item);
+    constexpr size_t most = 8, shown = 3;  // of a longer list the first ones and the last
+    for (size_t i = 0; i < value.size(); ++i) {
+      const bool left_out = value.size() > most && i >= shown && i + 1 < value.size();
+      if (left_out && i == shown) text += ", ...";
+      if (!left_out) text += (text.empty() ? "" : ", ") + text_of(value[i]);
+    }
     return value.empty() ? "none" : text;
   }
   if (!value.is_object()) return value.dump();
@@ -259,7 +308,14 @@ void print_info(const Json& info) {
       text =
           bytes < 1e5 ? fmt::format("{} bytes", bytes) : fmt::format("{:.1f} MiB", bytes / 1048576);
     }
+    if (key == "points_in_view")
+      text = fmt::format("{:.0f} % (in front of a training camera and inside its image)",
+                         100 * value.get<double>());
     std::replace(name.begin(), name.end(), '_', ' ');
+    if (key == "notices") {
+      for (const Json& notice : value) print_result("note: {}\n", notice.get<std::string>());
+      continue;
+    }
     print_result("{:<18} {}{}\n", name, text, unit_of(key));
   }
 }
@@ -270,6 +326,7 @@ void add_info(CLI::App& app, const GlobalOptions&) {
   struct Flags {
     std::string path;
     int iteration = latest_iteration;
+    std::vector<std::string> settings;
     Undrawable undrawable = Undrawable::left_out;
     bool json = false;
   };
@@ -282,10 +339,19 @@ void add_info(CLI::App& app, const GlobalOptions&) {
       ->required()
       ->type_name("PATH");
   add_iteration(*command, flags->iteration);
+  command
+      ->add_option("--set", flags->settings,
+                   "A setting of [scene] as for `gflow train`, e.g. --set scene.masks=alpha; may "
+                   "be repeated")
+      ->type_name("SECTION.KEY=VALUE")
+      ->expected(1)
+      ->default_str("")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   add_strict(*command, flags->undrawable);
   command->add_flag("--json", flags->json, "Print JSON");
   command->callback([flags] {
-    const Json info = info_of(flags->path, flags->iteration, flags->undrawable);
+    const Json info =
+        info_of(flags->path, flags->iteration, flags->undrawable, scene_options(flags->settings));
     if (flags->json)
       fmt::print("{}\n", json_text(info, 1));
     else

@@ -129,8 +129,13 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                                             : Start::fresh);
   print_report(evaluation, run.read_facts());
   print_result("model     {}\n", run.model_path(run.models().at(0)));
-  if (!evaluation.views.empty())
+  if (std::filesystem::exists(run.path("results.json")))
     print_result("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
+  else
+    print_result(
+        "The scene has no test views; `gflow eval {} --split train` evaluates all "
+        "training views\n",
+        run.folder());
   if (flags.profile) print_timings(queue);
 }
 

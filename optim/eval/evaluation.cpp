@@ -141,13 +141,17 @@ class Evaluator {
     ViewMetrics view;
     view.name = frame.name;
     view.step = frame.step;
+    view.time = frame.time;
     evaluate_image(view, image, truth, reference,
                    counted ? counted->pixels : std::vector<uint8_t>{});
     evaluate_flow(view, reference, i);
-    if (!frame.depth_path.empty())
-      view.depth_error =
-          depth_error(renderer_.images().depth.read(queue_), renderer_.images().alpha.read(queue_),
-                      read_true_depth(frame, camera.width, camera.height));
+    if (!frame.depth_path.empty()) {
+      std::vector<float> depth = read_true_depth(frame, camera.width, camera.height);
+      for (size_t k = 0; counted && k < depth.size(); ++k)
+        if (!counted->pixels[k]) depth[k] = NAN;  // unknown
+      view.depth_error = depth_error(renderer_.images().depth.read(queue_),
+                                     renderer_.images().alpha.read(queue_), depth);
+    }
     networks_.evaluate(view, image, truth);
     result_.views.push_back(view);
     evaluate_flicker(frame, image, truth, std::move(reference));

@@ -21,7 +21,8 @@ constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 // is unknown, no network is given.
 struct ViewMetrics {
   std::string name;
-  int step = 0;  // time step of the video
+  int step = 0;     // time step of the video
+  double time = 0;  // [0, 1]
   double psnr = kNotMeasured, ssim = kNotMeasured;
   // Over pixels whose reference flow exceeds 1 px; SSIM: the mean at these pixels.
   double psnr_dynamic = kNotMeasured, ssim_dynamic = kNotMeasured;

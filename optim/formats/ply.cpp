@@ -243,6 +243,7 @@ PointCloud read_point_cloud(const std::string& path) {
   if (colored) full = full_intensities(path, vertices, color);
   const bool exact = are_doubles(vertices, position);
   PointCloud points;
+  points.source = path;
   const size_t count = std::min(vertices.rows, most_points);
   points.xyz.reserve(3 * count);
   if (colored) points.rgb.reserve(3 * count);

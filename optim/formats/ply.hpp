@@ -18,6 +18,7 @@ constexpr double farthest_point = 1e18;
 struct PointCloud {
   std::vector<double> xyz;   // [n, 3] world
   std::vector<uint8_t> rgb;  // [n, 3]
+  std::string source = "";   // path of the file they were read from, or empty
   size_t size() const { return xyz.size() / 3; }
 };
 

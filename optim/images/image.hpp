@@ -18,8 +18,9 @@ struct Image {
 };
 
 // Reads a PNG, JPEG, WebP or TIFF as RGB, or RGBA if it has alpha. Grey and palette images become
-// RGB; 16 bits are rounded to 8, whose error of at most half a level lies at 59 dB. Ignores the EXIF orientation, because poses refer to the stored image. Error if
-// the file is missing, damaged, truncated or larger than 16384 x 16384.
+// RGB; 16 bits are rounded to 8, whose error of at most half a level lies at 59 dB. Ignores the
+// EXIF orientation, because poses refer to the stored image. Error if the file is missing, damaged,
+// truncated or larger than 16384 x 16384.
 Image read_image(const std::string& path);
 
 // Reads an image as grey, for masks; colours are converted by OpenCV's weights.

@@ -177,8 +177,8 @@ bool has_end(const Parsed& parsed, const Bytes& bytes, const std::string& path) 
     case ImageFormat::jpeg:
       return jpeg_has_end(bytes, parsed.data);
     case ImageFormat::webp: {  // the length of a RIFF file is little-endian
-      const size_t length = bytes[4] | size_t(bytes[5]) << 8 | size_t(bytes[6]) << 16 |
-                            size_t(bytes[7]) << 24;
+      const size_t length =
+          bytes[4] | size_t(bytes[5]) << 8 | size_t(bytes[6]) << 16 | size_t(bytes[7]) << 24;
       return bytes.size() >= 8 + length;
     }
     case ImageFormat::tiff:  // its parts lie in any order; the decoder misses them

@@ -69,9 +69,10 @@ void require_metric_networks(const TrainOptions& config, const Scene& scene,
 }
 
 void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
-                      const LoadedScene& loaded, const RunFolder& run) {
+                      const LoadedScene& loaded, const std::vector<Frame>& frames,
+                      const RunFolder& run) {
   const std::vector<RenderView> views =
-      split_views(loaded.scene, loaded.scene.test, loaded.frames->cameras(), "test");
+      split_views(loaded.scene, frames, loaded.frames->cameras(), "test");
   RenderOptions options;
   options.settings = engine_settings(config);
   options.near = config.render.near;
@@ -96,7 +97,7 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const Evaluation evaluation =
       evaluate_views(queue, model, config, loaded, frames, quiet, drawn ? run.path("test") : "",
                      kept ? run.path("flow") : "");
-  if (drawn) write_comparison(queue, model, config, loaded, run);
+  if (drawn) write_comparison(queue, model, config, loaded, frames, run);
   std::vector<std::string> written;
   if (lock)
     written =

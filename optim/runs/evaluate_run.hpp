@@ -19,9 +19,10 @@ Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config
 void require_metric_networks(const TrainOptions& config, const Scene& scene,
                              const FrameStore& frames);
 
-// Writes compare.png: the middle view beside its truth.
+// Writes compare.png: the middle one of the views beside its truth.
 void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
-                      const LoadedScene& loaded, const RunFolder& run);
+                      const LoadedScene& loaded, const std::vector<Frame>& frames,
+                      const RunFolder& run);
 
 // Evaluation of a run's model on its scene's test views (or "train", "val").
 struct RunEvaluation {

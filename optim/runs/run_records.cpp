@@ -171,7 +171,10 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                   latest ? "" : fmt::format("_iteration_{}", facts.iterations));
   const std::string of_all = path("results" + suffix), of_each = path("per_view" + suffix);
   OrderedJson views = OrderedJson::object();
-  for (const ViewMetrics& view : evaluation.views) views[view.name] = metrics_of_view(view);
+  for (const ViewMetrics& view : evaluation.views) {
+    views[view.name] = {{"time", view.time}};
+    views[view.name].update(metrics_of_view(view));
+  }
   write_file_atomically(of_each, json_text(views, 1) + "\n");
   OrderedJson test = metrics_of_view(evaluation.mean);
   test["by_step"] = metrics_by_step(evaluation.views);

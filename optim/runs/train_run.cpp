@@ -104,16 +104,29 @@ std::string interrupted_while_evaluating(const RunFolder& run, int iteration) {
       run.model_path(iteration), run.folder());
 }
 
+// Up to 20 training views, evenly over cameras and times.
+std::vector<Frame> sample_of(const std::vector<Frame>& frames) {
+  constexpr size_t most = 20;
+  std::vector<Frame> sample;
+  const size_t count = std::min(most, frames.size());
+  for (size_t i = 0; i < count; ++i)
+    sample.push_back(frames[(2 * i + 1) * frames.size() / (2 * count)]);
+  return sample;
+}
+
+// Without test views some training views are evaluated, and no results are written.
 Evaluation evaluate_result(RunParts& parts, Model& model, const RunFacts& facts) {
   const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
-  if (prepared.scene().test.empty()) return {};
+  const Scene& scene = prepared.scene();
+  const bool tested = !scene.test.empty();
+  const std::vector<Frame> views = tested ? scene.test : sample_of(scene.train);
   try {
     const Evaluation evaluation =
-        evaluate_views(queue, model, config, prepared.loaded(), prepared.scene().test, quiet,
-                       run.path("test"), run.path("flow"));
-    write_comparison(queue, model, config, prepared.loaded(), run);
+        evaluate_views(queue, model, config, prepared.loaded(), views, quiet,
+                       tested ? run.path("test") : "", run.path("flow"));
+    write_comparison(queue, model, config, prepared.loaded(), views, run);
     // Last, because it marks the run as finished.
-    run.write_results(evaluation, "test", facts, config, model.parameters.count);
+    if (tested) run.write_results(evaluation, "test", facts, config, model.parameters.count);
     return evaluation;
   } catch (const DiskFull& full) {
     throw DiskFull(fmt::format("{}; the model is in {}, `gflow eval {}` evaluates it", full.what(),

@@ -282,6 +282,13 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   if (scene.points.size() > 0 && scene.points.rgb.empty())
     scene.notices.push_back(fmt::format(
         "the points of {} have no colours (red, green, blue): their Gaussians start grey", path));
+  constexpr size_t enough = 100;  // a few points say nothing
+  if (const double seen = share_of_points_in_view(scene);
+      scene.points.size() >= enough && seen < 0.5)
+    scene.notices.push_back(
+        fmt::format("only {:.0f} % of the points of {} are in view of a training camera: they may "
+                    "be of another world than the cameras",
+                    100 * seen, scene.points.source));
   return scene;
 }
 
@@ -291,6 +298,25 @@ Eigen::Vector3d focus_point(const Scene& scene) {
   for (const Frame& frame : scene.train)
     ahead += scene.cameras[size_t(frame.camera)].viewmat.block<1, 3>(2, 0).transpose();
   return middle_of_cameras(scene) + ahead.normalized() * scene.extent;
+}
+
+double share_of_points_in_view(const Scene& scene) {
+  constexpr size_t most = 20000;
+  const size_t stride = std::max<size_t>(1, scene.points.size() / most);
+  std::set<int> cameras;
+  for (const Frame& frame : scene.train) cameras.insert(frame.camera);
+  size_t seen = 0, all = 0;
+  for (size_t i = 0; i < scene.points.size(); i += stride, ++all) {
+    const Eigen::Map<const Eigen::Vector3d> point(&scene.points.xyz[3 * i]);
+    seen += std::any_of(cameras.begin(), cameras.end(), [&](int index) {
+      const Camera& camera = scene.cameras[size_t(index)];
+      const double z = camera.viewmat.row(2).dot(point.homogeneous());
+      const Eigen::Vector2d pixel = camera.project(point);
+      return z > 0 && pixel.x() >= 0 && pixel.x() < camera.width && pixel.y() >= 0 &&
+             pixel.y() < camera.height;
+    });
+  }
+  return all == 0 ? 1 : double(seen) / double(all);
 }
 
 ImageId image_id(const Frame& frame) {

@@ -74,6 +74,10 @@ Scene read_scene(const std::string& path, const SceneOptions& options = {},
 // at distance `extent` in front of the cameras.
 Eigen::Vector3d focus_point(const Scene& scene);
 
+// Share of the initial points that are in front of and inside the image of a training camera, in
+// [0, 1]; of many points a sample is taken. 1 without points.
+double share_of_points_in_view(const Scene& scene);
+
 // Identity of an image: pose, file, video frame, mask.
 using ImageId = std::tuple<int, std::string, int, std::string>;
 ImageId image_id(const Frame& frame);

@@ -216,7 +216,15 @@ TEST_F(FilesCommand, InfoTellsWhatAnySceneIs) {
   const auto info = nlohmann::json::parse(gflow({"info", scene().path(), "--json"}).out);
   EXPECT_EQ(info["layout"], "n3v");
   EXPECT_EQ(info["steps"], 5);
-  EXPECT_NE(gflow({"info", scene().path()}).out.find("n3v"), std::string::npos);
+  EXPECT_EQ(info["times"], nlohmann::json::array({0, 0.25, 0.5, 0.75, 1}));
+  EXPECT_EQ(info["masks"], "none");
+  EXPECT_EQ(info["lens"], "no distortion");
+  EXPECT_NE(info["points_file"].get<std::string>().find("points"), std::string::npos);
+  EXPECT_GT(info["points_in_view"], 0.9);
+  const std::string text = gflow({"info", scene().path(), "--set", "scene.max_steps=2"}).out;
+  EXPECT_NE(text.find("layout             n3v\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("times              0, 1\n"), std::string::npos) << text;
+  expect_refused({"info", scene().path(), "--set", "loss.l1=2"}, {"loss.l1=2", "[scene]"});
 }
 
 TEST_F(FilesCommand, SplatDrawsAnArchive) {

@@ -52,6 +52,19 @@ TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
                  {"none.mp4", "no such"});
 }
 
+TEST_F(CommandTest, WithoutTestViewsSomeTrainingViewsAreEvaluated) {
+  const TemporaryFolder folder;
+  const std::string run = folder.file("run");
+  const Outcome outcome = gflow({"train", scene().path(), "-o", run, "--iterations", "1", "--quiet",
+                                 "--set", "scene.holdout=-1", "--set", "flow.enabled=false"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("20 views, all used for training"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("PSNR"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("no test views"), std::string::npos) << outcome.out;
+  EXPECT_TRUE(fs::exists(run + "/compare.png"));
+  EXPECT_FALSE(fs::exists(run + "/results.json"));
+}
+
 TEST_F(CommandTest, TrainSaysWhatItFound) {
   const TemporaryFolder folder;
   const Outcome outcome = gflow({"train", scene().path(), "-o", folder.file("run"), "--iterations",

@@ -6,8 +6,9 @@ import numpy as np
 
 # Names that NEW has changed since OLD, of JSON keys, CSV columns, arrays, files and folders: {"new": "old"}.
 RENAMED = {"rejected": "refused"}
-# JSON keys and CSV columns that measure time or memory, and the array of a checkpoint with its settings and version.
-VARYING = {"seconds", "train_seconds", "peak_memory_mib", "facts"}
+# JSON keys and CSV columns that measure time or memory, the array of a checkpoint with its settings and version, and
+# keys that OLD did not write.
+VARYING = {"seconds", "train_seconds", "peak_memory_mib", "facts", "time"}
 # Files that contain only settings, times or versions, and movies: their encoder changed since OLD. Their frames are
 # compared as images.
 IGNORED = {"config.toml", "training.json", "caches.stamp", ".lock", "cam00.mp4", "compare_cam00.mp4"}

@@ -222,8 +222,7 @@ TEST(Tiff, EveryKindIsReadAsItWasWritten) {
       SCOPED_TRACE(fmt::format("type {}, compression {}", type, compression));
       const cv::Mat pixels = random_pixels(type);
       Bytes tiff;
-      ASSERT_TRUE(
-          cv::imencode(".tiff", pixels, tiff, {cv::IMWRITE_TIFF_COMPRESSION, compression}));
+      ASSERT_TRUE(cv::imencode(".tiff", pixels, tiff, {cv::IMWRITE_TIFF_COMPRESSION, compression}));
       EXPECT_EQ(check_image_bytes(tiff, "a.tif").has_alpha, CV_MAT_CN(type) == 4);
       if (type != CV_16UC1) {
         expect_pixels(read_as("a.tif", tiff), shown(pixels));
@@ -244,8 +243,8 @@ Bytes tiff_of(std::array<uint8_t, 4> pixel, uint8_t kind_of_extra) {
   constexpr uint8_t count = 9, data = 8 + 2 + 12 * count + 4;  // with tag 338
   Bytes bytes{'I', 'I', '*', 0, 8, 0, 0, 0, count, 0};
   const auto add = [&](int tag, int values, uint8_t value) {
-    bytes.insert(bytes.end(), {uint8_t(tag), uint8_t(tag >> 8), 3, 0, uint8_t(values), 0, 0, 0,
-                               value, 0, 0, 0});
+    bytes.insert(bytes.end(),
+                 {uint8_t(tag), uint8_t(tag >> 8), 3, 0, uint8_t(values), 0, 0, 0, value, 0, 0, 0});
   };
   for (const auto& [tag, value] : tags) {
     // 258 bits, 273 offset

@@ -145,7 +145,8 @@ TEST(Colmap, ImagesOfAnotherSizeKeepTheirLens) {
   folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 1616 1200 2000 808 600 -.1\n");
   make_png(folder, "images/a.png");
   make_png(folder, "images/b.png");
-  const Camera camera = read_scene(folder.path()).cameras[0];
+  const Scene before = read_scene(folder.path());
+  const Camera camera = before.cameras[size_t(before.train[0].camera)];
   EXPECT_EQ(camera.width, 8);
   // 1/202 as wide and 1/200 as high
   EXPECT_NEAR(camera.fx, 2000. / 202, 1e-12);
@@ -522,6 +523,30 @@ TEST(Colmap, PointsMayBeAPlyOrMissing) {
                                   "its points");
   write_point_cloud(folder.file("points3D.ply"), {{7, 8, 9}, {4, 5, 6}});
   EXPECT_EQ(read_scene(folder.path()).points.xyz, (std::vector<double>{7, 8, 9}));
+}
+
+TEST(Colmap, PointsThatNoCameraSeesAreTold) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  PointCloud points;
+  const Camera camera = read_scene(folder.path()).cameras[0];
+  const Eigen::Vector3d ahead = camera.viewmat.row(2).head<3>();
+  for (const double side : {1., -1., -1.})  // a third before the camera
+    for (int i = 0; i < 100; ++i) {
+      const Eigen::Vector3d at = camera.position() + side * (2 + i) * ahead;
+      points.xyz.insert(points.xyz.end(), at.data(), at.data() + 3);
+    }
+  points.rgb.assign(points.xyz.size(), 100);
+  std::filesystem::remove(folder.file("sparse/0/points3D.txt"));
+  write_point_cloud(folder.file("sparse/0/points3D.ply"), points);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.points.source, folder.file("sparse/0/points3D.ply"));
+  EXPECT_NEAR(share_of_points_in_view(scene), 1 / 3., 1e-12);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0].rfind("only ", 0), 0u);
+  EXPECT_NE(scene.notices[0].find("points3D.ply are in view"), std::string::npos);
 }
 
 TEST(Colmap, ImagesThatAreNotRegisteredAreCountedAndTold) {

@@ -102,6 +102,7 @@ Evaluation some_evaluation() {
   Evaluation evaluation;
   ViewMetrics view;
   view.name = "cam00_0000";
+  view.time = 0.25;
   view.psnr = 31.5;
   view.ssim = 0.9;
   evaluation.views = {view};
@@ -162,6 +163,7 @@ TEST(RunRecords, PerViewMetricsAreUnderTheNamesOfTheViews) {
   const OrderedJson views = OrderedJson::parse(contents(run.path("per_view.json")));
   EXPECT_EQ(keys_of(views), (std::vector<std::string>{"cam00_0000"}));
   EXPECT_EQ(views["cam00_0000"]["psnr"], 31.5);
+  EXPECT_EQ(views["cam00_0000"]["time"], 0.25);
 }
 
 TEST(RunRecords, FactsOfTheTrainingComeBack) {

@@ -370,7 +370,11 @@ std::string find_colmap_model(const std::string& sparse, std::vector<std::string
 
 PointCloud read_colmap_points(const std::string& folder) {
   std::string path = found_file(folder, "points3D");
-  if (!path.empty()) return is_binary(path) ? points_bin(path) : points_txt(path);
+  if (!path.empty()) {
+    PointCloud points = is_binary(path) ? points_bin(path) : points_txt(path);
+    points.source = path;
+    return points;
+  }
   path = first_existing(folder, {"points3D.ply"});
   return path.empty() ? PointCloud{} : read_point_cloud(path);
 }

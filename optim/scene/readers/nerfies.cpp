@@ -107,6 +107,7 @@ PointCloud read_points(const std::string& folder, const World& world) {
     throw Error(fmt::format("{} has shape {}, expected (points, 3)", path, array.shape_text()));
   const std::vector<double> values = array.as_double();
   PointCloud points;
+  points.source = path;
   for (size_t i = 0; i < values.size(); ++i) {
     const double place = world.scale * (values[i] - world.center[long(i % 3)]);
     if (!(std::fabs(place) <= farthest_point))

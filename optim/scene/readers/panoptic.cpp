@@ -140,6 +140,7 @@ PointCloud read_points(const std::string& folder, std::vector<std::string>& noti
         fmt::format("'data' of {} has shape {}, expected (points, 7)", path, data.shape_text()));
   const size_t count = data.shape[0], columns = data.shape[1];
   PointCloud points;
+  points.source = path;
   points.xyz.reserve(3 * count);
   points.rgb.reserve(3 * count);
   const auto add = [&](size_t i, const auto* row, double full) {
