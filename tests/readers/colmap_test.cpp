@@ -145,8 +145,7 @@ TEST(Colmap, ImagesOfAnotherSizeKeepTheirLens) {
   folder.write("sparse/0/cameras.txt", "7 SIMPLE_RADIAL 1616 1200 2000 808 600 -.1\n");
   make_png(folder, "images/a.png");
   make_png(folder, "images/b.png");
-  const Scene before = read_scene(folder.path());
-  const Camera camera = before.cameras[size_t(before.train[0].camera)];
+  const Camera camera = read_scene(folder.path()).cameras[0];
   EXPECT_EQ(camera.width, 8);
   // 1/202 as wide and 1/200 as high
   EXPECT_NEAR(camera.fx, 2000. / 202, 1e-12);
@@ -531,8 +530,11 @@ TEST(Colmap, PointsThatNoCameraSeesAreTold) {
   make_png(folder, "images/a.png");
   make_png(folder, "images/b.png");
   PointCloud points;
-  const Camera camera = read_scene(folder.path()).cameras[0];
-  const Eigen::Vector3d ahead = camera.viewmat.row(2).head<3>();
+  const Scene before = read_scene(folder.path());
+  const Camera camera = before.cameras[size_t(before.train[0].camera)];
+  const Eigen::Vector3d middle((0.5 * camera.width - camera.cx) / camera.fx,
+                               (0.5 * camera.height - camera.cy) / camera.fy, 1);
+  const Eigen::Vector3d ahead = camera.viewmat.topLeftCorner<3, 3>().transpose() * middle;
   for (const double side : {1., -1., -1.})  // a third before the camera
     for (int i = 0; i < 100; ++i) {
       const Eigen::Vector3d at = camera.position() + side * (2 + i) * ahead;
