@@ -133,6 +133,16 @@ Image read_grey(const std::string& path) {
   DecodedImage decoded = read_decoded(path);
   const cv::Mat mat = as_8_bits(decoded);
   if (mat.channels() == 1) return from_mat(mat);
+  if (mat.channels() == 4) {
+    cv::Mat parts[4];
+    cv::split(mat, parts);
+    const auto is_even = [](const cv::Mat& part) {
+      double least = 0, most = 0;
+      cv::minMaxLoc(part, &least, &most);
+      return least == most;
+    };
+    if (is_even(parts[0]) && is_even(parts[1]) && is_even(parts[2])) return from_mat(parts[3]);
+  }
   return converted(mat, 1, mat.channels() == 4 ? cv::COLOR_RGBA2GRAY : cv::COLOR_RGB2GRAY);
 }
 

@@ -23,7 +23,8 @@ struct Image {
 // truncated or larger than 16384 x 16384.
 Image read_image(const std::string& path);
 
-// Reads an image as grey, for masks; colours are converted by OpenCV's weights.
+// Reads an image as grey, for masks; colours are converted by OpenCV's weights. An image of one
+// colour with alpha is its alpha.
 Image read_grey(const std::string& path);
 
 // Composites RGBA over a background in stored values: rgb a + background (1 - a). RGB images are

@@ -82,6 +82,8 @@ VideoInfo video_info(const std::string& path) {
   info.pixel_aspect = aspect.num > 0 && aspect.den > 0 ? av_q2d(aspect) : 1;
   info.rotation = turn.degrees();
   info.mirrored = turn.is_mirrored();
+  info.interlaced =
+      codec.field_order != AV_FIELD_UNKNOWN && codec.field_order != AV_FIELD_PROGRESSIVE;
   info.codec = avcodec_get_name(codec.codec_id);
   if (const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(AVPixelFormat(codec.format)))
     info.bits = format->comp[0].depth;

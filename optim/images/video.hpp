@@ -23,8 +23,9 @@ struct VideoInfo {
   double pixel_aspect = 1;                  // width / height of a stored pixel
   int rotation = 0;                         // clockwise, to upright [degrees]
   bool mirrored = false;
-  int bits = 8;        // per channel
-  std::string colors;  // "BT.709, limited range"
+  bool interlaced = false;  // frames are two half images of different times, line by line
+  int bits = 8;             // per channel
+  std::string colors;       // "BT.709, limited range"
 };
 
 // Error if the file is missing, not a video that FFmpeg can read, or has no frames.

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <condition_variable>
 #include <deque>
 #include <filesystem>
@@ -89,6 +90,21 @@ void check_size(int width, int height, const Camera& camera, const std::string& 
                             width, height, camera.name, camera.width, camera.height));
 }
 
+// A mask may be larger or smaller than its image, of the same shape.
+void check_mask_shape(int width, int height, const Camera& camera, const std::string& path) {
+  constexpr double same_shape = 0.02;
+  const double ratio = double(width) * camera.height / (double(height) * camera.width);
+  if (std::fabs(ratio - 1) > same_shape)
+    throw Error(fmt::format("mask {} is {}x{}, but its image is {}x{}: expected the same shape",
+                            path, width, height, camera.width, camera.height));
+}
+
+Image read_mask(const std::string& path, const Camera& camera) {
+  const Image mask = read_grey(path);
+  check_mask_shape(mask.width, mask.height, camera, path);
+  return resized(mask, camera.width, camera.height);
+}
+
 }  // namespace
 
 struct FrameStore::State {
@@ -121,16 +137,14 @@ struct FrameStore::State {
   Image load_image(const Frame& frame) const {
     const Image image = frame.image ? *frame.image : read_image(frame.path);
     if (frame.mask_path.empty() || masks_ignore) return prepared(image, frame);
-    const Image mask = read_grey(frame.mask_path);
-    check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
+    const Image mask = read_mask(frame.mask_path, full[size_t(frame.camera)]);
     check_size(image.width, image.height, full[size_t(frame.camera)], frame.path);
     return prepared(masked(image, mask), frame);
   }
 
   std::shared_ptr<const Image> load_counted(const Frame& frame) const {
     if (frame.mask_path.empty() || !masks_ignore) return nullptr;
-    Image mask = read_grey(frame.mask_path);
-    check_size(mask.width, mask.height, full[size_t(frame.camera)], frame.mask_path);
+    Image mask = read_mask(frame.mask_path, full[size_t(frame.camera)]);
     Image counted = binary(prepared(counted_of(std::move(mask)), frame), 255);
     const bool all = std::all_of(counted.pixels.begin(), counted.pixels.end(),
                                  [](uint8_t value) { return value == 255; });
@@ -244,10 +258,14 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
       if (frame.image)
         check_size(frame.image->width, frame.image->height, scene.cameras[size_t(frame.camera)],
                    frame.path);
-      for (const std::string& path : {frame.path, frame.mask_path}) {
-        if (path.empty() || (frame.image && path == frame.path)) continue;
-        const ImageHeader header = read_image_header(path);
-        check_size(header.width, header.height, scene.cameras[size_t(frame.camera)], path);
+      const Camera& camera = scene.cameras[size_t(frame.camera)];
+      if (!frame.image) {
+        const ImageHeader header = read_image_header(frame.path);
+        check_size(header.width, header.height, camera, frame.path);
+      }
+      if (!frame.mask_path.empty()) {
+        const ImageHeader header = read_image_header(frame.mask_path);
+        check_mask_shape(header.width, header.height, camera, frame.mask_path);
       }
     }
   if (!state_->used.empty() && options.unpack_folder.empty()) {

@@ -242,6 +242,16 @@ TEST(FrameStore, AMaskMaySayWhichPixelsCount) {
   const auto counted = half.counted(scene.train[0]);
   ASSERT_EQ(counted->pixels.size(), 12u);
   for (size_t i = 0; i < 12; ++i) EXPECT_EQ(counted->pixels[i], i == 1 ? 0 : 255) << i;
+
+  // Twice as large, in the alpha channel of an image of one colour.
+  Image large{16, 12, 4, {}};
+  for (size_t i = 0; i < 16 * 12; ++i) {
+    const uint8_t alpha = mask.pixels[i / 32 * 8 + i % 16 / 2];
+    large.pixels.insert(large.pixels.end(), {9, 9, 9, alpha});
+  }
+  write_png(folder.file("masks/large.png"), large);
+  scene.train[0].mask_path = folder.file("masks/large.png");
+  EXPECT_EQ(FrameStore(scene).counted(scene.train[0])->pixels, mask.pixels);
 }
 
 TEST(FrameStore, AMaskOfAnotherSizeIsRefusedWithBothSizes) {

@@ -36,6 +36,11 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
         fmt::format("video {}: its frames end after {:.2f} of {:.2f} s; the file seems cut off",
                     path, end, info.seconds));
   }
+  if (info.interlaced)
+    scene.notices.push_back(fmt::format(
+        "video {} is interlaced: what moves has combs at its edges; deinterlace it first, for "
+        "instance by ffmpeg -i VIDEO -vf bwdif OUTPUT",
+        path));
   scene.fps = info.fps;
   scene.has_alpha = info.alpha;
   const bool is_whole = used == 0 || int64_t(stamps.size()) < used;
