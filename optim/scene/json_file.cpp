@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include "runtime/base/error.hpp"
 #include "runtime/files/atomic_file.hpp"
@@ -19,13 +20,40 @@ bool is_finite_number(const Json& value) {
   return value.is_number() && std::isfinite(value.get<double>());
 }
 
+// Python writes NaN and infinite numbers as words that are not JSON. Here they become null, as
+// other programs write them.
+std::string with_null_for_words(const Bytes& bytes) {
+  const std::string_view from(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  std::string to;
+  bool quoted = false;
+  for (size_t i = 0; i < from.size(); ++i) {
+    const auto word_at = [&](std::string_view word) { return from.substr(i, word.size()) == word; };
+    size_t length = 0;
+    if (!quoted)
+      for (const std::string_view word : {"NaN", "Infinity", "-Infinity"})
+        if (word_at(word)) length = word.size();
+    if (length > 0) {
+      to += "null";
+      i += length - 1;
+      continue;
+    }
+    to += from[i];
+    if (quoted && from[i] == '\\' && i + 1 < from.size())
+      to += from[++i];
+    else if (from[i] == '"')
+      quoted = !quoted;
+  }
+  return to;
+}
+
 }  // namespace
 
 Json read_json(const std::string& path) {
   const Bytes bytes = read_file(path, largest_json);
   require_json_limits(bytes.data(), bytes.size(), path);
   try {
-    return Json::parse(bytes.begin(), bytes.end());
+    const Json json = Json::parse(bytes.begin(), bytes.end(), nullptr, false);
+    return json.is_discarded() ? Json::parse(with_null_for_words(bytes)) : json;
   } catch (const Json::exception& cause) {
     throw Error(fmt::format("cannot read {}: it is not valid JSON ({})", path, reason_of(cause)));
   }

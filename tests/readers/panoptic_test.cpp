@@ -104,7 +104,7 @@ TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {
   make_panoptic(folder);
   const auto read = [&] { read_scene(folder.path()); };
   replace(folder, "[[1,0,0,1]", "[[NaN,0,0,1]");
-  expect_error(read, {"train_meta.json", "not valid JSON"});
+  expect_error(read, {"train_meta.json", "4x4 matrix of finite numbers"});
   replace(folder, "[[1,0,0,1]", "[[null,0,0,1]");
   expect_error(read, {"'w2c' of camera 0 at time 0", "train_meta.json", "finite numbers"});
   replace(folder, "[[1,0,0,1]", "[[2,0,0,1]");
