@@ -169,6 +169,7 @@ Json info_of_video(const std::string& path) {
           {"pixel_aspect", video.pixel_aspect},
           {"rotation", video.rotation},
           {"mirrored", video.mirrored},
+          {"interlaced", video.interlaced},
           {"bits", video.bits},
           {"colors", video.colors},
           {"frame_rate", video.variable ? "variable" : "constant"}};
@@ -206,25 +207,26 @@ Json info_of(const Scene& scene, const std::string& path) {
   std::set<std::string> sizes;
   for (const Camera& camera : scene.cameras)
     sizes.insert(fmt::format("{}x{}", camera.width, camera.height));
-  return {{"scene", path},
-          {"layout", scene.layout},
-          {"cameras", scene.cameras.size()},
-          {"resolutions", sizes},
-          {"train_frames", scene.train.size()},
-          {"test_frames", scene.test.size()},
-          {"val_frames", scene.val.size()},
-          {"steps", scene.steps},
-          {"times", times_of(scene)},
-          {"fps", scene.fps},
-          {"lens", lenses_of(scene)},
-          {"alpha", scene.has_alpha},
-          {"masks", masks_of(scene)},
-          {"points", scene.points.size()},
-          {"points_file", scene.points.source},
-          {"points_in_view", share_of_points_in_view(scene)},
-          {"extent", scene.extent},
-          {"origin", scene.origin},
-          {"notices", scene.notices}};
+  Json info{{"scene", path},
+            {"layout", scene.layout},
+            {"cameras", scene.cameras.size()},
+            {"resolutions", sizes},
+            {"train_frames", scene.train.size()},
+            {"test_frames", scene.test.size()},
+            {"val_frames", scene.val.size()},
+            {"steps", scene.steps},
+            {"times", times_of(scene)},
+            {"fps", scene.fps},
+            {"lens", lenses_of(scene)},
+            {"alpha", scene.has_alpha},
+            {"masks", masks_of(scene)},
+            {"points", scene.points.size()}};
+  if (scene.points.size() > 0) {
+    info["points_file"] = scene.points.source;
+    info["points_in_view"] = share_of_points_in_view(scene);
+  }
+  info.update({{"extent", scene.extent}, {"origin", scene.origin}, {"notices", scene.notices}});
+  return info;
 }
 
 // A plain video is a scene as well.

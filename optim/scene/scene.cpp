@@ -43,10 +43,52 @@ constexpr Layout layouts[] = {{"video", is_video, read_video_file},
                               {"colmap", is_colmap, read_colmap},
                               {"consistent4d", has_numbered_images, read_consistent4d}};
 
+// The layout of a folder whose cameras have poses, or nullptr.
+const Layout* layout_with_poses(const std::string& folder) {
+  for (const Layout& layout : layouts)
+    if (!takes_cameras(layout.name) && layout.is(folder)) return &layout;
+  return nullptr;
+}
+
+// Scenes in folders up to two levels below, for the message about a folder that is none.
+std::string scenes_below(const std::string& path) {
+  std::string found;
+  const auto look = [&](const std::string& folder) {
+    const Layout* layout = fs::is_directory(folder) ? layout_with_poses(folder) : nullptr;
+    if (layout) found += fmt::format("{}{} ({})", found.empty() ? "" : ", ", folder, layout->name);
+    return layout != nullptr;
+  };
+  for (const std::string& name : list_folders(path)) {
+    const std::string folder = join(path, name);
+    if (look(folder)) continue;
+    for (const std::string& inner : list_folders(folder)) look(join(folder, inner));
+  }
+  return found;
+}
+
+// Numbered images may be those of a scene in the folder above, whose poses would not be used.
+void report_scene_above(const std::string& path, Scene& scene) {
+  if (!takes_cameras(scene.layout) || !fs::is_directory(path)) return;
+  const fs::path absolute = fs::absolute(path).lexically_normal();
+  const fs::path folder = absolute.has_filename() ? absolute : absolute.parent_path();
+  if (const Layout* layout = layout_with_poses(folder.parent_path().string()))
+    scene.notices.push_back(fmt::format(
+        "the folder above, {}, is a scene with camera poses ({}), which are not used: give that "
+        "folder to use them",
+        folder.parent_path().string(), layout->name));
+}
+
 Scene read_recognised(const std::string& path, const SceneOptions& options) {
   if (fs::exists(path) && !fs::is_directory(path)) require_file(path);
   for (const Layout& layout : layouts)
-    if (layout.is(path)) return layout.read(path, options);
+    if (layout.is(path)) {
+      Scene scene = layout.read(path, options);
+      if (options.cameras.empty()) report_scene_above(path, scene);
+      return scene;
+    }
+  if (const std::string below = scenes_below(path); !below.empty())
+    throw Error(fmt::format("{} has no known scene layout, but folders in it have: give one of {}",
+                            path, below));
   throw Error(fmt::format(
       "{} has no known scene layout: looked for poses_bounds.npy (N3V), train_meta.json "
       "(Panoptic), dataset.json and metadata.json (nerfies), input/ (Consistent4D), "
@@ -136,10 +178,6 @@ void check(const Scene& scene) {
   const auto within = [](double focal, double side) {
     return focal >= side / most && focal <= side * most;
   };
-  if (scene.train.empty())
-    throw Error(fmt::format("{} has no training images: all {} are test images{}", place_of(scene),
-                            scene.test.size(),
-                            scene.layout == "colmap" ? " (scene.test_every)" : ""));
   for (const Camera& camera : scene.cameras) {
     const double side = std::max(camera.width, camera.height);
     const bool ok = camera.width > 0 && camera.height > 0 && within(camera.fx, side) &&
@@ -227,11 +265,13 @@ void recentre(Scene& scene, const std::array<double, 3>& place) {
 
 // What the masks of a scene mean.
 void set_masks(Scene& scene, const SceneOptions& options) {
-  const auto masked = [](const std::vector<Frame>& frames) {
-    return std::any_of(frames.begin(), frames.end(),
-                       [](const Frame& frame) { return !frame.mask_path.empty(); });
-  };
-  if (!masked(scene.train) && !masked(scene.test) && !masked(scene.val)) return;
+  size_t masked = 0, all = 0;
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split) masked += !frame.mask_path.empty(), ++all;
+  if (masked == 0) return;
+  if (masked < all)
+    scene.notices.push_back(
+        fmt::format("{} of {} images have a mask; of the others all pixels count", masked, all));
   scene.masks_ignore = options.masks != Masks::alpha;
   if (options.masks == Masks::automatic)
     scene.notices.push_back(
@@ -244,6 +284,10 @@ void set_masks(Scene& scene, const SceneOptions& options) {
 void complete_scene(Scene& scene, const SceneOptions& options,
                     const std::optional<std::array<double, 3>>& origin) {
   check(options);
+  if (scene.train.empty())
+    throw Error(fmt::format("{} has no training images: all {} are test images{}", place_of(scene),
+                            scene.test.size(),
+                            scene.layout == "colmap" ? " (scene.test_every)" : ""));
   if (options.fps > 0) scene.fps = options.fps;
   if (scene.fps <= 0) scene.fps = 24;
   if (scene.steps == 0) {
@@ -330,7 +374,7 @@ bool are_training_images(const Scene& scene, const std::vector<Frame>& frames) {
                      [&](const Frame& frame) { return trained.count(image_id(frame)) > 0; });
 }
 
-bool takes_cameras(const std::string& layout) {
+bool takes_cameras(std::string_view layout) {
   return layout == "video" || layout == "consistent4d";
 }
 

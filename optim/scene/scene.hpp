@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <vector>
 
@@ -86,7 +87,7 @@ ImageId image_id(const Frame& frame);
 bool are_training_images(const Scene& scene, const std::vector<Frame>& frames);
 
 // Whether a layout has no cameras of its own, so that SceneOptions::cameras may supply them.
-bool takes_cameras(const std::string& layout);
+bool takes_cameras(std::string_view layout);
 // Scene::layout of a folder or video; empty if none fits.
 std::string layout_of(const std::string& path);
 

@@ -18,6 +18,11 @@ constexpr std::array<const char*, 3> names_of(Background) { return {"white", "bl
 enum class Masks { automatic, ignore, alpha, none };
 constexpr std::array<const char*, 4> names_of(Masks) { return {"auto", "ignore", "alpha", "none"}; }
 
+// Times of images: those in the scene's files, or the numbers in the names of images that are
+// frames of videos.
+enum class Times { files, order };
+constexpr std::array<const char*, 2> names_of(Times) { return {"files", "order"}; }
+
 // Background grey, 0 to 255, for rendering and evaluation. Background::random affects training
 // steps only and is white here.
 constexpr uint8_t shown_level(Background background) {
@@ -31,6 +36,7 @@ struct SceneOptions {
   Background background = Background::white;
   int holdout = 0;
   std::string skip_cameras;
+  Times times = Times::files;
   std::string time_offsets;
   std::string images;
   Masks masks = Masks::automatic;
@@ -57,6 +63,10 @@ struct SceneOptions {
     field("holdout", self.holdout, "number of the test camera; -1: none (N3V)", at_least(-1));
     field("skip_cameras", self.skip_cameras,
           "names of cameras to leave out, separated by commas: cam03,cam13");
+    field(
+        "times", self.times,
+        "times of the images: as in the files of the scene (files), or by the numbers in the names "
+        "of images that are frames of videos (order; nerfstudio, COLMAP)");
     field("time_offsets", self.time_offsets,
           "shifts of cameras in time [frames], for cameras out of sync: cam03=0.5,cam07=-1; frames "
           "of cam03 are then half a frame later than those of the others");

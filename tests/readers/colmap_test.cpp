@@ -440,8 +440,8 @@ TEST(Colmap, AFolderOfImagesIsAStaticScene) {
   EXPECT_EQ(scene.test[0].name, "a");
   EXPECT_EQ(scene.train[0].name, "b");
   EXPECT_EQ(scene.points.size(), 1u);
-  std::filesystem::remove(folder.file("images/b.png"));
-  expect_error([&] { read_scene(folder.path()); }, {"b.png", "there is no"});
+  make_png(folder, "input/a.png");
+  EXPECT_EQ(read_scene(folder.path()).train[0].path, folder.file("images/b.png"));
   std::string images = contents(folder.file("sparse/0/images.txt"));
   images.replace(images.find("b.png"), 5, "a.png");
   folder.write("sparse/0/images.txt", images);
@@ -549,6 +549,46 @@ TEST(Colmap, PointsThatNoCameraSeesAreTold) {
   ASSERT_EQ(scene.notices.size(), 1u);
   EXPECT_EQ(scene.notices[0].rfind("only ", 0), 0u);
   EXPECT_NE(scene.notices[0].find("points3D.ply are in view"), std::string::npos);
+}
+
+TEST(Colmap, AModelOfConvertPyHasItsImagesInInput) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  std::filesystem::create_directories(folder.file("distorted"));
+  std::filesystem::rename(folder.file("sparse"), folder.file("distorted/sparse"));
+  make_png(folder, "input/a.png");
+  make_png(folder, "input/b.png");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "colmap");
+  EXPECT_EQ(scene.train[0].path, folder.file("input/b.png"));
+}
+
+TEST(Colmap, ASceneInAnotherFolderIsNamed) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  for (const char* name : {"images/a.png", "images/b.png", "images/1.png"}) make_png(folder, name);
+  const Scene images = read_scene(folder.file("images"));  // numbered: a video without poses
+  ASSERT_EQ(images.notices.size(), 2u);
+  EXPECT_NE(images.notices[0].find("no camera poses"), std::string::npos);
+  EXPECT_NE(images.notices[1].find(folder.path() + ", is a scene with camera poses (colmap)"),
+            std::string::npos);
+  const TemporaryFolder outer;
+  std::filesystem::create_directories(outer.file("one"));
+  std::filesystem::copy(folder.path(), outer.file("one/two"),
+                        std::filesystem::copy_options::recursive);
+  expect_error([&] { read_scene(outer.path()); },
+               {"no known scene layout", outer.file("one/two") + " (colmap)"});
+}
+
+TEST(Colmap, MasksOfSomeImagesAreCounted) {
+  const TemporaryFolder folder;
+  make_text(folder);
+  make_png(folder, "images/a.png");
+  make_png(folder, "images/b.png");
+  make_png(folder, "masks/b.png", 16, 12, 1);
+  const Scene scene = read_scene(folder.path());
+  ASSERT_EQ(scene.notices.size(), 2u);
+  EXPECT_EQ(scene.notices[0], "1 of 2 images have a mask; of the others all pixels count");
 }
 
 TEST(Colmap, ImagesThatAreNotRegisteredAreCountedAndTold) {

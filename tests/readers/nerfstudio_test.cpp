@@ -280,7 +280,8 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
     read_scene(folder.path(), options);
   };
   const std::string and_more = std::string(intrinsics) + ", ";
-  expect_error([&] { with(frame(99)); }, {"transforms.json", "frame_99.png", "there is no"});
+  expect_error([&] { with(frame(99)); },
+               {"transforms.json", "frame_99.png", "without an image file"});
   expect_error([&] { with(""); }, {"transforms.json has no frames"});
   const std::string text(size_t{3} << 20, 'x');  // the parser stores it several times
   expect_error([&] { with(frame(1), and_more + "\"a\": \"" + text + "\""); },
@@ -321,4 +322,93 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
                {"no training images", "all 1 frames", "scene.test_every = 1"});
   folder.write("transforms.json", R"({"frames": [{"file_)");
   expect_error([&] { read_scene(folder.path()); }, {"transforms.json", "not valid JSON"});
+}
+
+TEST(Nerfstudio, NumbersInTheNamesAreTimesIfAskedFor) {
+  const TemporaryFolder folder;
+  std::vector<std::string> frames;
+  for (const int k : {0, 1, 2, 3, 5, 6, 7, 8, 10}) frames.push_back(frame(k));
+  make_nerfstudio(folder, joined(frames));
+  const Scene still = read_scene(folder.path());
+  EXPECT_EQ(still.steps, 1);
+  ASSERT_EQ(still.notices.size(), 1u);
+  EXPECT_NE(still.notices[0].find("scene.times = \"order\""), std::string::npos);
+  SceneOptions options;
+  options.times = Times::order;
+  options.test_every = 4;
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_TRUE(scene.notices.empty());
+  EXPECT_EQ(scene.steps, 6);
+  ASSERT_EQ(scene.train.size(), 6u);
+  EXPECT_NEAR(scene.train[0].time, 0.1, 1e-12);
+  EXPECT_NEAR(scene.train[3].time, 0.6, 1e-12);
+  EXPECT_NEAR(scene.test[2].time, 1, 1e-12);
+  EXPECT_EQ(scene.train[0].track, scene.train[5].track);  // one camera
+  EXPECT_EQ(neighbour_pairs(scene).size(), 5u);
+}
+
+TEST(Nerfstudio, FramesWithoutAnImageOrPoseAreLeftOutAndTold) {
+  const TemporaryFolder folder;
+  std::string nowhere = frame(3);
+  nowhere.replace(nowhere.find("[[1,"), 4, "[[-Infinity,");
+  make_nerfstudio(folder, joined({frame(1), frame(2), nowhere, frame(4), frame(99)}));
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.train.size() + scene.test.size(), 3u);
+  ASSERT_EQ(scene.notices.size(), 2u);
+  EXPECT_NE(scene.notices[0].find("1 of 5 frames without an image file (the first is "
+                                  "'images/frame_99.png'); they are left out"),
+            std::string::npos);
+  EXPECT_NE(scene.notices[1].find("1 of 5 frames whose pose has NaN or Inf"), std::string::npos);
+}
+
+TEST(Nerfstudio, PathsOfAnotherMachineEndInsideTheFolder) {
+  const TemporaryFolder folder;
+  std::string text = joined({frame(1), frame(2), frame(3), frame(4)});
+  const auto renamed = [&](const std::string& from, const std::string& to) {
+    text.replace(text.find(from), from.size(), to);
+  };
+  renamed("images/frame_1.png", "/home/me/scene/images/frame_1.png");
+  renamed("images/frame_2.png", "C:\\\\scene\\\\images\\\\frame_2");
+  renamed("images/frame_3.png", "../scene/images/frame_3.png");
+  renamed("images/frame_4.png", "images/FRAME_4.PNG");
+  make_nerfstudio(folder, text);
+  SceneOptions options;
+  options.test_every = 0;
+  const Scene scene = read_scene(folder.path(), options);
+  ASSERT_EQ(scene.train.size(), 4u);
+  for (int k = 0; k < 4; ++k)
+    EXPECT_EQ(scene.train[size_t(k)].path, folder.file(fmt::format("images/frame_{}.png", k + 1)));
+  renamed("/home/me/scene/images/frame_1.png", "/home/me/scene/images/none.png");
+  make_nerfstudio(folder, text);
+  expect_error([&] { read_scene(folder.path()); }, {"none.png", "outside of the scene folder"});
+}
+
+TEST(Nerfstudio, IntrinsicsMayBeDividedByTheSizeOrOfLargerImages) {
+  const TemporaryFolder folder;
+  const auto camera_with = [&](const std::string& top) {
+    make_nerfstudio(folder, joined({frame(1), frame(2)}), top);
+    Scene scene = read_scene(folder.path());
+    EXPECT_EQ(scene.notices.size(), 1u);
+    return scene.cameras[0];
+  };
+  const Camera divided = camera_with(R"("fl_x": 1.25, "fl_y": 1.5, "cx": 0.5, "cy": 0.4)");
+  EXPECT_NEAR(divided.fx, 10, 1e-12);
+  EXPECT_NEAR(divided.fy, 9, 1e-12);
+  EXPECT_NEAR(divided.cx, 4, 1e-12);
+  EXPECT_NEAR(divided.cy, 2.4, 1e-12);
+  const Camera larger = camera_with(R"("fl_x": 20, "fl_y": 22, "cx": 8, "cy": 6)");  // 16x12
+  EXPECT_NEAR(larger.fx, 10, 1e-12);
+  EXPECT_NEAR(larger.fy, 11, 1e-12);
+  EXPECT_NEAR(larger.cx, 4, 1e-12);
+}
+
+TEST(Nerfstudio, PosesOfAScaledCameraObjectAreRotations) {
+  const TemporaryFolder folder;
+  std::string scaled = frame(1);
+  const std::string unit = "[[1,0,0,10],[0,1,0,2],[0,0,1,3]";
+  scaled.replace(scaled.find(unit), unit.size(), "[[3,0,0,10],[0,3,0,2],[0,0,3,3]");
+  make_nerfstudio(folder, joined({frame(1), frame(2)}));
+  const Scene expected = read_scene(folder.path());
+  make_nerfstudio(folder, joined({scaled, frame(2)}));
+  EXPECT_EQ(read_scene(folder.path()).cameras[0].viewmat, expected.cameras[0].viewmat);
 }

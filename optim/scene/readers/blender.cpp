@@ -20,11 +20,6 @@ std::string path_of(const std::string& folder, const std::string& split) {
   return (fs::path(folder) / ("transforms_" + split + ".json")).string();
 }
 
-bool has_times(const Transforms& file) {
-  const Json& frames = file.json["frames"];
-  return !frames.empty() && frames[0].is_object() && frames[0].contains("time");
-}
-
 // timed: whether training frames have a 'time'; set by the first file read. Test views of a moving
 // scene without times would all be placed at its beginning.
 std::vector<Frame> read_split(const std::string& folder, const std::string& split,

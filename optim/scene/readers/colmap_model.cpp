@@ -368,6 +368,13 @@ std::string find_colmap_model(const std::string& sparse, std::vector<std::string
   return folders[best];
 }
 
+std::string find_sparse(const std::string& scene) {
+  // COLMAP; 3DGS's convert.py before it undistorts; nerfstudio; instant-ngp
+  for (const char* name : {"sparse", "distorted/sparse", "colmap/sparse", "colmap_sparse"})
+    if (const std::string sparse = join(scene, name); has_colmap_model(sparse)) return sparse;
+  return "";
+}
+
 PointCloud read_colmap_points(const std::string& folder) {
   std::string path = found_file(folder, "points3D");
   if (!path.empty()) {

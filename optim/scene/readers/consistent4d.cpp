@@ -5,9 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <functional>
 #include <optional>
 #include <set>
 
@@ -16,6 +14,7 @@
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "optim/scene/readers/static_camera.hpp"
+#include "optim/scene/readers/times_by_order.hpp"
 #include "runtime/base/error.hpp"
 
 namespace gflow {
@@ -38,22 +37,6 @@ std::vector<std::string> numbered_images(const std::string& folder) {
   return prefixes.size() == 1 ? named : std::vector<std::string>{};
 }
 
-// Times in [0, 1] of images in natural order, proportional to their numbers: a gap in the numbers
-// is a gap in time. Evenly spaced if the numbers do not increase.
-std::vector<double> times_of(const std::vector<std::string>& names) {
-  std::vector<double> times;
-  for (const std::string& name : names) times.push_back(std::stod(split_number(stem(name)).number));
-  const double first = times[0], last = times.back();
-  const bool rise =
-      std::adjacent_find(times.begin(), times.end(), std::greater_equal<>()) == times.end() &&
-      std::isfinite(last);
-  for (size_t k = 0; k < times.size(); ++k)
-    times[k] = times.size() < 2 ? 0
-               : rise           ? (times[k] - first) / (last - first)
-                                : double(k) / double(times.size() - 1);
-  return times;
-}
-
 // Moves and scales times so that the frames fill [0, 1].
 void fill_time_range(std::vector<Frame>& frames) {
   const double first = frames.front().time, last = frames.back().time;
@@ -71,7 +54,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& image
                              const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
   const std::vector<std::string> names = numbered_images(image_folder);
-  const std::vector<double> times = times_of(names);
+  const std::vector<double> times = times_of_names(names);
   const std::string first = join(image_folder, names[0]);
   const ImageHeader header = read_image_header(first);
   scene.has_alpha |= header.has_alpha;

@@ -19,9 +19,10 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-std::vector<Camera> read_cameras(const std::string& path, const ViewImages& view) {
+std::vector<Camera> read_cameras(const std::string& path, const ViewImages& view,
+                                 std::vector<std::string>& notices) {
   if (read_json(path).is_object())
-    return read_cameras(read_transforms(path), view.width, view.height, view.source);
+    return read_cameras(read_transforms(path), view.width, view.height, view.source, notices);
   std::vector<Camera> cameras = read_cameras_json(path, 1);
   for (Camera& camera : cameras)
     camera = fitted_to(camera, view.width, view.height, path, view.source);
@@ -105,9 +106,13 @@ ViewCameras only_used(const ViewCameras& all) {
 
 ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
                             std::vector<std::string>& notices) {
-  if (options.cameras.empty())
+  if (options.cameras.empty()) {
+    notices.push_back(
+        "there are no camera poses: the camera is taken to stand still, at scene.elevation and "
+        "radius with scene.fovy; the poses of a moving camera are given with --cameras");
     return one_for_all(static_camera("input", 0, options, view.width, view.height), view);
-  std::vector<Camera> cameras = read_cameras(options.cameras, view);
+  }
+  std::vector<Camera> cameras = read_cameras(options.cameras, view, notices);
   const bool named = std::none_of(cameras.begin(), cameras.end(),
                                   [](const Camera& camera) { return camera.name.empty(); });
   for (size_t i = 0; i < cameras.size(); ++i)

@@ -10,6 +10,7 @@
 #include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
+#include "optim/scene/readers/times_by_order.hpp"
 #include "optim/scene/readers/transforms_file.hpp"
 #include "optim/scene/tracks.hpp"
 #include "runtime/base/error.hpp"
@@ -85,6 +86,10 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   scene.layout = "nerfstudio";
   scene.fps = 24;
   std::vector<Frame> frames = read_frames(folder, file, options, scene);
+  if (options.times == Times::order)
+    set_times_by_order(frames, file.path);
+  else if (!has_times(file))
+    report_video_names(frames, file.path, scene.notices);
   normalise_times({&frames}, file.path, scene.notices);
   std::stable_sort(frames.begin(), frames.end(),
                    [](const Frame& a, const Frame& b) { return natural_less(a.path, b.path); });
@@ -101,7 +106,7 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   scene.points = points_of(folder, file, scene);
   for (auto* split : {&scene.train, &scene.test, &scene.val}) {
     set_steps(times, *split);
-    find_tracks(scene, *split);
+    if (options.times == Times::files) find_tracks(scene, *split);
   }
   return scene;
 }

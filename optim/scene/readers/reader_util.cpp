@@ -54,6 +54,25 @@ bool is_file_with(const fs::directory_entry& entry, const std::vector<std::strin
   return entry.is_regular_file() && has_extension(entry.path(), known);
 }
 
+// Absolute on this machine or on Windows, or above the folder.
+bool leads_out(const fs::path& path) {
+  const std::string text = path.string();
+  const bool has_drive = text.size() > 1 && std::isalpha(uint8_t(text[0])) && text[1] == ':';
+  return path.is_absolute() || has_drive || *path.begin() == "..";
+}
+
+// Scenes are moved after their files were written: the longest end of the path, such as
+// images/0.png of /home/me/scene/images/0.png, that exists in the folder; empty if none does.
+std::string end_of_path_inside(const std::string& folder, const fs::path& path) {
+  for (auto from = path.begin(); from != path.end(); ++from) {
+    if (*from == ".." || *from == path.root_directory()) continue;
+    fs::path end(folder);
+    for (auto part = from; part != path.end(); ++part) end /= *part;
+    if (!find_image(end.string()).empty() || fs::exists(end)) return end.string();
+  }
+  return "";
+}
+
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 }  // namespace
@@ -122,12 +141,14 @@ std::string path_inside(const std::string& folder, const std::string& relative,
                     source, excerpt(relative), longest));
   const fs::path path = fs::path(with_slashes(relative)).lexically_normal();
   if (relative.empty()) throw Error(fmt::format("{} contains an empty file name", source));
-  if (path.is_absolute() || *path.begin() == "..")
+  if (!leads_out(path)) return (fs::path(folder) / path).string();
+  const std::string moved = end_of_path_inside(folder, path);
+  if (moved.empty())
     throw Error(
         fmt::format("{} names the file '{}', which is outside of the scene folder; expected a "
                     "relative path inside it",
                     source, excerpt(relative)));
-  return (fs::path(folder) / path).string();
+  return moved;
 }
 
 std::string first_existing(const std::string& folder, const std::vector<std::string>& names) {
@@ -146,6 +167,31 @@ std::string find_image(const std::string& base) {
       if (fs::is_regular_file(path)) return path;
   }
   return "";
+}
+
+std::string find_image_of_any_case(const std::string& base) {
+  if (const std::string found = find_image(base); !found.empty()) return found;
+  const fs::path path(base);
+  const std::string folder = path.parent_path().string();
+  const std::string wanted = lower(path.filename().string());
+  for (const std::string& name : list_images(folder)) {
+    const std::string other = lower(name);
+    if (other == wanted || without_image_extension(other) == wanted) return join(folder, name);
+  }
+  return "";
+}
+
+void LeftOut::add(const std::string& entry) {
+  if (count_++ == 0) first_ = excerpt(entry);
+}
+
+void LeftOut::report(size_t all, const std::string& source,
+                     std::vector<std::string>& notices) const {
+  if (count_ == 0) return;
+  const std::string what =
+      fmt::format("{} of {} frames {} (the first is '{}')", count_, all, why_, first_);
+  if (2 * count_ > all) throw Error(fmt::format("{} lists {}", source, what));
+  notices.push_back(fmt::format("{} lists {}; they are left out", source, what));
 }
 
 std::string join(const std::string& folder, const std::string& name) {
@@ -169,13 +215,19 @@ Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::
                                   const std::string& what) {
   if (!rotation.allFinite() || !position.allFinite())
     throw Error(fmt::format("{} contains NaN or Inf", what));
-  const double error =
-      (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(error < 1e-3) || !(rotation.determinant() > 0))
+  const auto is_rotation = [](const Eigen::Matrix3d& r) {
+    const double error = (r.transpose() * r - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    return error < 1e-3 && r.determinant() > 0;
+  };
+  // A camera object that is scaled, as Blender allows, has a multiple of a rotation.
+  const double scale = std::cbrt(rotation.determinant());
+  const bool scaled = !is_rotation(rotation) && scale > 0;
+  const Eigen::Matrix3d unit = scaled ? Eigen::Matrix3d(rotation / scale) : rotation;
+  if (!is_rotation(unit))
     throw Error(fmt::format(
         "the 3x3 part of {} is not a rotation: its columns must be orthonormal and right-handed",
         what));
-  const Eigen::Matrix3d exact = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
+  const Eigen::Matrix3d exact = Eigen::Quaterniond(unit).normalized().toRotationMatrix();
   Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();
   viewmat.topLeftCorner<3, 3>() = exact.transpose();
   viewmat.topRightCorner<3, 1>() = -exact.transpose() * position;

@@ -25,8 +25,8 @@ bool natural_less(const std::string& a, const std::string& b);
 // A path with slashes for the backslashes of programs on Windows.
 std::string with_slashes(std::string path);
 
-// The path of `relative` in a folder, with_slashes. Error if it is absolute or leaves the folder by
-// ".."; `source` is the file that named it.
+// The path of `relative` in a folder, with_slashes. If it is absolute or leaves the folder by "..",
+// the longest end of it that exists there; Error if none does. `source` is the file that named it.
 std::string path_inside(const std::string& folder, const std::string& relative,
                         const std::string& source);
 
@@ -36,6 +36,24 @@ std::string first_existing(const std::string& folder, const std::vector<std::str
 // BASE itself, or BASE with the extension of an image in lower or upper case; empty if neither is a
 // file.
 std::string find_image(const std::string& base);
+
+// As find_image, else the file of that folder whose name differs in upper and lower case only.
+std::string find_image_of_any_case(const std::string& base);
+
+// Counts entries of a file that are left out, to say so once.
+class LeftOut {
+ public:
+  // why: "without an image file"
+  explicit LeftOut(const char* why) : why_(why) {}
+  void add(const std::string& entry);
+  // A notice with the number of entries and the first; Error if they are more than half of `all`.
+  void report(size_t all, const std::string& source, std::vector<std::string>& notices) const;
+
+ private:
+  const char* why_;
+  size_t count_ = 0;
+  std::string first_;
+};
 
 // folder/name.
 std::string join(const std::string& folder, const std::string& name);
@@ -54,7 +72,7 @@ Numbered split_number(const std::string& stem);
 
 // World-to-camera matrix from a camera-to-world pose with OpenCV axes (x right, y down, looks along
 // z). The rotation is made exactly orthonormal. Error if a number is not finite or the rotation is
-// not orthonormal within 1e-3; `what` names the pose.
+// not a multiple of an orthonormal one within 1e-3; `what` names the pose.
 Eigen::Matrix4d viewmat_from_pose(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& position,
                                   const std::string& what);
 

@@ -37,16 +37,24 @@ Eigen::Matrix4d viewmat_of(const Json& frame, const std::string& where) {
   return viewmat_from_pose(pose.leftCols(3), pose.col(3), what);
 }
 
+// The image of a frame, or empty if there is none.
 std::string image_path(const std::string& folder, const Transforms& file, const Json& frame,
                        const std::string& where) {
   const std::string relative = text(member(frame, "file_path", where), "'file_path' of " + where);
   const std::string base = path_inside(folder, relative, file.path);
-  const std::string found = find_image(base);
-  if (!found.empty()) return found;
   if (fs::is_directory(base))
     throw Error(fmt::format("{} lists image '{}', but {} is a folder", file.path, relative, base));
-  throw Error(fmt::format("{} lists image '{}', but there is no file {} (nor with .png, .jpg, ...)",
-                          file.path, relative, base));
+  return find_image_of_any_case(base);
+}
+
+// Whether the pose has numbers only: programs write NaN for images that they could not place.
+bool is_placed(const Json& frame) {
+  if (!frame.contains("transform_matrix") || !frame["transform_matrix"].is_array()) return true;
+  for (const Json& row : frame["transform_matrix"])
+    if (row.is_array() &&
+        std::any_of(row.begin(), row.end(), [](const Json& x) { return x.is_null(); }))
+      return false;
+  return true;
 }
 
 // The file of 'mask_path', or empty.
@@ -111,12 +119,52 @@ std::optional<double> focal_length(const Transforms& file, const Json& frame,
   return 0.5 * side / std::tan(0.5 * *angle);
 }
 
+void notice_once(const std::string& sentence, std::vector<std::string>& notices) {
+  if (std::find(notices.begin(), notices.end(), sentence) == notices.end())
+    notices.push_back(sentence);
+}
+
+// Some programs write intrinsics divided by the width and the height.
+void undo_division_by_size(const Transforms& file, const Json& frame, const std::string& where,
+                           Camera& camera, std::vector<std::string>& notices) {
+  constexpr double shortest = 5;  // focal length of any lens [px]
+  const auto focal = inherited(file, frame, "fl_x", where);
+  const auto cx = inherited(file, frame, "cx", where), cy = inherited(file, frame, "cy", where);
+  if (!focal || *focal >= shortest || cx.value_or(0) > 1 || cy.value_or(0) > 1) return;
+  camera.fx *= camera.width;
+  camera.fy *= camera.height;
+  if (cx) camera.cx *= camera.width;
+  if (cy) camera.cy *= camera.height;
+  notice_once(
+      fmt::format("the focal lengths in {} are below {} px: they are taken to be divided by "
+                  "the image size",
+                  file.path, shortest),
+      notices);
+}
+
+// Without 'w' and 'h' the intrinsics may be of larger images than those that are there. Twice the
+// principal point is then their size, if it has the shape of the image.
+void find_size_of_intrinsics(const Transforms& file, Camera& camera,
+                             std::vector<std::string>& notices) {
+  const double x = 2 * camera.cx / camera.width, y = 2 * camera.cy / camera.height;
+  constexpr double off_centre = 0.25, same_shape = 0.02;
+  if (!(x > 0 && std::fabs(x - 1) > off_centre && std::fabs(x / y - 1) < same_shape)) return;
+  const int width = int(std::lround(2 * camera.cx)), height = int(std::lround(2 * camera.cy));
+  notice_once(fmt::format("the principal point in {} is that of images of {}x{}, not of {}x{}: the "
+                          "intrinsics are scaled",
+                          file.path, width, height, camera.width, camera.height),
+              notices);
+  camera.width = width;
+  camera.height = height;
+}
+
 Camera camera_of(const Transforms& file, const Json& frame, const std::string& where,
-                 const std::string& image, int image_width, int image_height) {
+                 const std::string& image, int image_width, int image_height,
+                 std::vector<std::string>& notices) {
   Camera camera;
-  const double width = inherited(file, frame, "w", where).value_or(image_width);
-  const double height = inherited(file, frame, "h", where).value_or(image_height);
-  set_size(camera, width, height, where);
+  const auto width = inherited(file, frame, "w", where);
+  const auto height = inherited(file, frame, "h", where);
+  set_size(camera, width.value_or(image_width), height.value_or(image_height), where);
   const auto fx = focal_length(file, frame, "x", camera.width, where);
   const auto fy = focal_length(file, frame, "y", camera.height, where);
   if (!fx && !fy) throw Error(fmt::format("{} has neither 'camera_angle_x' nor 'fl_x'", where));
@@ -125,6 +173,8 @@ Camera camera_of(const Transforms& file, const Json& frame, const std::string& w
   camera.cx = inherited(file, frame, "cx", where).value_or(0.5 * camera.width);
   camera.cy = inherited(file, frame, "cy", where).value_or(0.5 * camera.height);
   camera.viewmat = viewmat_of(frame, where);
+  undo_division_by_size(file, frame, where, camera, notices);
+  if (!width && !height) find_size_of_intrinsics(file, camera, notices);
   return with_lens(file, frame, fitted_to(camera, image_width, image_height, file.path, image),
                    where);
 }
@@ -150,17 +200,32 @@ Transforms read_transforms(const std::string& path) {
   return file;
 }
 
+bool has_times(const Transforms& file) {
+  const Json& frames = file.json["frames"];
+  return !frames.empty() && frames[0].is_object() && frames[0].contains("time");
+}
+
 std::vector<Frame> read_frames(const std::string& folder, const Transforms& file,
                                const SceneOptions& options, Scene& scene) {
   std::vector<Frame> frames;
   std::map<std::string, size_t> known;  // image -> its frame
+  LeftOut missing("without an image file"), unplaced("whose pose has NaN or Inf");
+  size_t index = 0;
   for (const Json& entry : file.json["frames"]) {
-    const std::string where = fmt::format("frame {} of {}", frames.size(), file.path);
+    const std::string where = fmt::format("frame {} of {}", index++, file.path);
     require_object(entry, where);
     Frame frame;
     frame.path = image_path(folder, file, entry, where);
+    if (frame.path.empty()) {
+      missing.add(entry["file_path"].get<std::string>());
+      continue;
+    }
+    if (!is_placed(entry)) {
+      unplaced.add(entry["file_path"].get<std::string>());
+      continue;
+    }
     const auto [before, is_new] =
-        known.emplace(fs::path(frame.path).lexically_normal().string(), frames.size());
+        known.emplace(fs::path(frame.path).lexically_normal().string(), index - 1);
     if (!is_new)
       throw Error(fmt::format("{} has image {}, which is already that of frame {}", where,
                               frame.path, before->second));
@@ -176,12 +241,15 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |=
         header.has_alpha || (!frame.mask_path.empty() && options.masks == Masks::alpha);
-    Camera camera = camera_of(file, entry, where, frame.path, header.width, header.height);
+    Camera camera =
+        camera_of(file, entry, where, frame.path, header.width, header.height, scene.notices);
     frame.name = frame_name(folder, frame.path);
     camera.name = frame.name;
     frame.camera = find_or_add(scene.cameras, camera);
     frames.push_back(frame);
   }
+  missing.report(index, file.path, scene.notices);
+  unplaced.report(index, file.path, scene.notices);
   return frames;
 }
 
@@ -202,28 +270,26 @@ void normalise_times(const std::vector<std::vector<Frame>*>& splits, const std::
 PointCloud points_beside(const std::string& folder, const std::string& source, Scene& scene) {
   const std::string ply = find_points_ply(folder);
   if (!ply.empty()) return read_point_cloud(ply);
-  for (const char* sparse : {"sparse", "colmap/sparse", "colmap_sparse"}) {
-    const std::string model = find_colmap_model(join(folder, sparse), scene.notices);
-    if (model.empty()) continue;
-    std::map<std::string, Camera> cameras;  // by image: splits may share images
-    for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
-      for (const Frame& frame : *split)
-        cameras.emplace(fs::path(frame.path).lexically_relative(folder).generic_string(),
-                        scene.cameras[size_t(frame.camera)]);
-    std::vector<ColmapImage> images;
-    for (const auto& [name, camera] : cameras) images.push_back({name, camera});
-    return points_in_world_of(images, source, model, scene.notices);
-  }
-  return {};
+  const std::string sparse = find_sparse(folder);
+  if (sparse.empty()) return {};
+  const std::string model = find_colmap_model(sparse, scene.notices);
+  std::map<std::string, Camera> cameras;  // by image: splits may share images
+  for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
+    for (const Frame& frame : *split)
+      cameras.emplace(fs::path(frame.path).lexically_relative(folder).generic_string(),
+                      scene.cameras[size_t(frame.camera)]);
+  std::vector<ColmapImage> images;
+  for (const auto& [name, camera] : cameras) images.push_back({name, camera});
+  return points_in_world_of(images, source, model, scene.notices);
 }
 
 std::vector<Camera> read_cameras(const Transforms& file, int width, int height,
-                                 const std::string& image) {
+                                 const std::string& image, std::vector<std::string>& notices) {
   std::vector<Camera> cameras;
   for (const Json& entry : file.json["frames"]) {
     const std::string where = fmt::format("frame {} of {}", cameras.size(), file.path);
     require_object(entry, where);
-    Camera camera = camera_of(file, entry, where, image, width, height);
+    Camera camera = camera_of(file, entry, where, image, width, height, notices);
     if (entry.contains("file_path"))
       camera.name = with_slashes(text(entry["file_path"], "'file_path' of " + where));
     cameras.push_back(camera);
