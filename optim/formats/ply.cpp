@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "optim/formats/ply_rows.hpp"
+#include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/files/atomic_file.hpp"
 
@@ -82,12 +83,16 @@ void append(std::string& bytes, const T* values, size_t n) {
   bytes.append(reinterpret_cast<const char*>(values), n * sizeof(T));
 }
 
-// The columns of colours by the names that programs use; -1 each if there are none.
+constexpr std::array<const char*, 3> kHarmonics = {"f_dc_0", "f_dc_1", "f_dc_2"};
+
+// The columns of colours by the names that programs use; those of trained Gaussians last, because
+// they are not colours but harmonics. -1 each if there are none.
 std::array<int, 3> find_colors(const std::vector<std::string>& names) {
-  constexpr std::array<std::array<const char*, 3>, 3> known = {
+  constexpr std::array<std::array<const char*, 3>, 4> known = {
       {{"red", "green", "blue"},
        {"diffuse_red", "diffuse_green", "diffuse_blue"},
-       {"r", "g", "b"}}};
+       {"r", "g", "b"},
+       kHarmonics}};
   for (const auto& three : known)
     if (const auto columns = find_each(names, three);
         std::all_of(columns.begin(), columns.end(), [](int column) { return column >= 0; }))
@@ -239,8 +244,9 @@ PointCloud read_point_cloud(const std::string& path) {
   if (std::any_of(position.begin(), position.end(), [](int column) { return column < 0; }))
     throw_ply_error(path, "its vertices have no x, y and z");
   const bool colored = color[0] >= 0;
+  const bool harmonics = colored && names[size_t(color[0])] == kHarmonics[0];
   std::array<double, 3> full{};
-  if (colored) full = full_intensities(path, vertices, color);
+  if (colored && !harmonics) full = full_intensities(path, vertices, color);
   const bool exact = are_doubles(vertices, position);
   PointCloud points;
   points.source = path;
@@ -259,8 +265,10 @@ PointCloud read_point_cloud(const std::string& path) {
                                     farthest_point));
       if (kept) points.xyz.push_back(exact ? place : double(float(place)));
     }
-    for (size_t i = 0; i < 3 && colored && kept; ++i)
-      points.rgb.push_back(color_byte(values[color[i]] / full[i] * 255));
+    for (size_t i = 0; i < 3 && colored && kept; ++i) {
+      const double value = values[color[i]];
+      points.rgb.push_back(color_byte(255 * (harmonics ? color_of_sh0(value) : value / full[i])));
+    }
   });
   return points;
 }

@@ -82,8 +82,9 @@ constexpr size_t most_points = 3000000;
 inline double full_intensity(double largest) { return largest > 1.5 ? 255 : 1; }
 
 // Reads x y z and, if present, the colours: red green blue, diffuse_red diffuse_green diffuse_blue,
-// or r g b; integers 0..255, or reals 0..1 or 0..255 (full_intensity). Keeps at most most_points,
-// evenly chosen. Error if a coordinate is not finite or above farthest_point.
+// or r g b, integers 0..255 or reals 0..1 or 0..255 (full_intensity); else f_dc_0..2 of trained
+// Gaussians. Keeps at most most_points, evenly chosen. Error if a coordinate is not finite or above
+// farthest_point.
 PointCloud read_point_cloud(const std::string& path);
 
 // Binary little-endian: float x y z, and uchar red green blue if there are colours.

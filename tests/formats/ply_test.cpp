@@ -128,6 +128,21 @@ TEST(Ply, ColorsHaveTheNamesThatProgramsUse) {
   EXPECT_TRUE(read("red", "green", "b").empty());
 }
 
+// colour = 1/2 + 0.28209479 f_dc, clamped to [0, 1]. Colours beside the harmonics are preferred.
+TEST(Ply, TrainedGaussiansAreACloudInTheColoursOfTheirHarmonics) {
+  const TemporaryFolder folder;
+  const std::string start =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\nproperty float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\n";
+  const PointCloud points =
+      read_point_cloud(folder.write("a.ply", start + "end_header\n1 2 3 0.5 -9 0\n"));
+  EXPECT_EQ(points.rgb, (std::vector<uint8_t>{163, 0, 128}));  // 255 (1/2 + 0.1410)
+  const std::string both = start +
+                           "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+                           "end_header\n1 2 3 0.5 -9 0 7 8 9\n";
+  EXPECT_EQ(read_point_cloud(folder.write("b.ply", both)).rgb, (std::vector<uint8_t>{7, 8, 9}));
+}
+
 TEST(Ply, ATableIsReadAgainAsWritten) {
   const TemporaryFolder folder;
   const std::string path = folder.file("a.ply");
