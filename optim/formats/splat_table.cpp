@@ -17,6 +17,7 @@
 #include "runtime/base/error.hpp"
 #include "runtime/base/warning.hpp"
 #include "runtime/files/atomic_file.hpp"
+#include "runtime/files/is_zip.hpp"
 #include "shared/sh.h"
 
 namespace gflow {
@@ -141,6 +142,8 @@ SplatFormat splat_format(const std::string& path) {
   std::string extension = std::filesystem::path(path).extension().string();
   for (char& c : extension) c = char(std::tolower(c));
   if (extension == ".splat") return SplatFormat::splat;
+  if (extension != ".sog" && is_zip(path))  // .sog is a zip archive of images
+    throw Error("cannot read " + path + ": it is a zip archive; unpack it first");
   throw Error(
       fmt::format("cannot read {}: unknown splat format; gflow reads .ply, compressed .ply, "
                   ".splat, .spz (versions 2 and 3) and .4dgs",

@@ -23,6 +23,7 @@ extern "C" {
 #include "runtime/base/error.hpp"
 #include "runtime/base/warning.hpp"
 #include "runtime/files/descriptor.hpp"
+#include "runtime/files/is_zip.hpp"
 
 namespace gflow {
 namespace {
@@ -104,6 +105,7 @@ int VideoStream::overdue(void* stream) {
 }
 
 void VideoStream::open(const std::string& path) {
+  if (is_zip(path)) fail("it is a zip archive; unpack it first");  // FFmpeg may find images inside
   packet_.reset(av_packet_alloc());
   frame_.reset(av_frame_alloc());
   file_ = avformat_alloc_context();

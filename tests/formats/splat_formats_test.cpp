@@ -560,6 +560,16 @@ TEST(SplatFormats, AreKnownByTheirFirstBytes) {
   expect_error([&] { splat_format(folder.file("missing")); }, {"missing"});
 }
 
+// Bundled .sog files are zip archives, but unpacking them does not help.
+TEST(SplatFormats, AnArchiveMustBeUnpacked) {
+  const TemporaryFolder folder;
+  for (const char* name : {"scene.zip", "scene"})
+    expect_error([&] { splat_format(folder.write(name, "PK\x03\x04 and more")); },
+                 {name, "zip archive; unpack it first"});
+  expect_error([&] { splat_format(folder.write("a.sog", "PK\x03\x04 and more")); },
+               {"a.sog", "unknown splat format"});
+}
+
 TEST(SplatFormats, AStandardTableHasTheStandardsColumns) {
   PlyTable table = random_splats(3, 1).table;
   table.names.push_back("extra");
