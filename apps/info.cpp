@@ -5,6 +5,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -22,6 +24,7 @@
 #include "optim/scene/readers/reader_util.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/files/atomic_file.hpp"
+#include "runtime/files/is_zip.hpp"
 #include "runtime/files/json_text.hpp"
 
 namespace gflow {
@@ -229,14 +232,23 @@ Json info_of(const Scene& scene, const std::string& path) {
   return info;
 }
 
+// Whether a file is certainly no video, so that trying to read one would only make the error
+// longer.
+bool is_no_video(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+  constexpr std::array splats = {".ply", ".splat",  ".spz", ".4dgs",
+                                 ".sog", ".ksplat", ".glb", ".gltf"};
+  return is_zip(path) || std::find(splats.begin(), splats.end(), ending) != splats.end();
+}
+
 // A plain video is a scene as well.
 Json info_of_file(const std::string& path, Undrawable undrawable, const SceneOptions& options) {
   try {
     splat_format(path);
   } catch (const Error& no_splat) {
     require_file(path);
-    for (const char* splats : {".ply", ".splat", ".spz", ".4dgs"})
-      if (fs::path(path).extension() == splats) throw;
+    if (is_no_video(path)) throw;
     try {
       video_info(path);
     } catch (const Error& no_video) {

@@ -206,10 +206,20 @@ TEST_F(FilesCommand, FilesInAndOutSayWhatIsWrong) {
                  {"cannot read ", "none.ply: there is no such run folder or splat file"});
   expect_refused({"import", model(), "-o", out}, {"dynamic model", "gflow export"});
   expect_refused({"import", folder.write("a.splat", "what?"), "-o", out}, {"a.splat", "32 bytes"});
-  expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz"});
+  expect_refused({"info", folder.write("b.xyz", "what?")}, {"b.xyz", ".spz", "not a video"});
   expect_refused({"train", scene().path(), "-o", folder.file("run"), "--init", model()},
                  {"has motion", "gflow export"});
   EXPECT_FALSE(fs::exists(out));
+}
+
+TEST_F(FilesCommand, AFileThatIsNoVideoIsNotTriedAsOne) {
+  const TemporaryFolder folder;
+  const std::string zip = folder.write("scene.zip", "PK\x03\x04 and more");
+  for (const std::string& path : {zip, folder.write("a.SOG", "PK\x03\x04 and more"),
+                                  folder.write("a.ksplat", "what?"), folder.write("a.glb", "glTF")})
+    EXPECT_EQ(gflow({"info", path}).err.find("video"), std::string::npos) << path;
+  expect_refused({"info", zip}, {zip, "zip archive; unpack it first"});
+  expect_refused({"train", zip, "-o", folder.file("run")}, {zip, "zip archive; unpack it first"});
 }
 
 TEST_F(FilesCommand, InfoTellsWhatAnySceneIs) {
