@@ -139,6 +139,13 @@ std::vector<std::string> ply_vertex_properties(const std::string& path) {
   return vertices ? names_of(*vertices) : std::vector<std::string>();
 }
 
+bool is_real_property(const std::string& path, const std::string& name) {
+  const PlyRows rows(path);
+  const PlyElementHeader* vertices = vertices_of(rows.header());
+  const int column = vertices ? find(names_of(*vertices), name) : -1;
+  return column >= 0 && is_real(vertices->properties[size_t(column)].type);
+}
+
 PlyTable read_ply(const std::string& path) {
   PlyRows rows(path);
   const PlyElementHeader& vertices = find_vertices(rows, path);

@@ -45,6 +45,10 @@ PlyTable read_ply(const std::string& path);
 // Names of the properties of element "vertex"; empty if there is none. Reads only the header.
 std::vector<std::string> ply_vertex_properties(const std::string& path);
 
+// Whether a property of element "vertex" is a float or double, not an integer. Reads only the
+// header; false if there is no such property.
+bool is_real_property(const std::string& path, const std::string& name);
+
 // Binary little-endian. All properties are float; x, y and z are double if origin is not zero.
 void write_ply(const std::string& path, const PlyTable& table);
 

@@ -13,6 +13,7 @@
 #include "optim/formats/dot_splat.hpp"
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/ply_comments.hpp"
+#include "optim/formats/splat_dialects.hpp"
 #include "optim/formats/spz.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/base/warning.hpp"
@@ -231,8 +232,9 @@ PlyTable drawable(PlyTable table, const std::string& path, Undrawable undrawable
 
 PlyTable read_unchecked(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) {
-    require_columns(ply_vertex_properties(path), 0, path);  // before memory is allocated
-    return read_ply(path);
+    // Checked before memory is allocated.
+    require_columns(standard_names(ply_vertex_properties(path), path), 0, path);
+    return with_standard_columns(read_ply(path), path);
   }
   if (format == SplatFormat::compressed_ply) return read_compressed_ply(path);
   if (format == SplatFormat::spz) return read_spz(path);

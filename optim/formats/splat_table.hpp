@@ -87,7 +87,8 @@ SplatFormat splat_format(const std::string& path);
 enum class Undrawable { left_out, refused };
 
 // Reads any splat file but .4dgs (see four_dgs.hpp), without normals if it has none. The columns of
-// a plain PLY are those of the file, more or fewer than the standard ones. Logits of +-Inf (opacity
+// a plain PLY are those of the file, more or fewer than the standard ones, after conversion from
+// the form of other programs (splat_dialects.hpp). Logits of +-Inf (opacity
 // 1 or 0) and log scales of -Inf (scale 0) become finite by logit_of_opacity and log_of_scale.
 // Gaussians with any other NaN or Inf or with a quaternion of 0 are left out with one warning, or
 // refused with an Error, but kept in a file of gflow. Error if the file is not of its format or no

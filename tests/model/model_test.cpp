@@ -243,7 +243,7 @@ TEST(Model, APublished3dgsFileIsRead) {
 
 TEST(Model, RefusesAFileWithoutAProperty) {
   const TemporaryFolder folder;
-  for (const std::string name : {"x", "opacity", "scale_2", "rot_3", "f_dc_1"}) {
+  for (const std::string name : {"x", "opacity", "scale_1", "rot_3", "f_dc_1"}) {
     PlyTable table = static_table();
     drop(table, name);
     write_ply(folder.file("broken.ply"), table);

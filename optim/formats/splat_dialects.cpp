@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/formats/splat_dialects.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <initializer_list>
+
+#include "optim/formats/splat_table.hpp"
+#include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr std::array<const char*, 3> kColors = {"red", "green", "blue"};
+constexpr std::array<const char*, 3> kSh0 = {"f_dc_0", "f_dc_1", "f_dc_2"};
+
+using Names = std::vector<std::string>;
+
+bool has(const Names& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+template <class Wanted>
+bool has_all(const Names& names, const Wanted& wanted) {
+  return std::all_of(wanted.begin(), wanted.end(),
+                     [&](const char* name) { return has(names, name); });
+}
+bool has_all(const Names& names, std::initializer_list<const char*> wanted) {
+  return has_all<>(names, wanted);
+}
+
+bool is_point_cloud(const Names& names) {
+  return has_all(names, {"x", "y", "z"}) && !has(names, "opacity") && !has(names, "scale_0") &&
+         !has(names, "rot_0");
+}
+
+bool is_flat(const Names& names) {
+  return has_all(names, {"opacity", "scale_0", "scale_1", "rot_0"}) && !has(names, "scale_2");
+}
+
+bool is_colored(const Names& names) {
+  return has_all(names, {"opacity", "scale_0", "rot_0"}) && has_all(names, kColors) &&
+         !has(names, kSh0[0]);
+}
+
+// Calls change(value) for each value of a column.
+template <class Change>
+void change_column(PlyTable& table, const std::string& name, Change&& change) {
+  const size_t columns = table.names.size();
+  for (size_t at = size_t(table.column(name)); at < table.values.size(); at += columns)
+    change(table.values[at]);
+}
+
+void rename(Names& names, const std::string& from, const std::string& to) {
+  std::replace(names.begin(), names.end(), from, to);
+}
+
+// Adds a last column of equal values, in place.
+void append_column(PlyTable& table, const std::string& name, float value) {
+  const size_t columns = table.names.size();
+  table.names.push_back(name);
+  table.values.resize(table.rows * (columns + 1));
+  for (size_t i = table.rows; i-- > 0;) {
+    const auto row = table.values.begin() + long(i * columns);
+    table.values[i * (columns + 1) + columns] = value;
+    std::copy_backward(row, row + long(columns), row + long(i + columns));
+  }
+}
+
+void flatten(PlyTable& table, const std::string& path) {
+  append_column(table, "scale_2", log_of_scale(0));
+  warn_once(fmt::format(
+      "reading {}: it has no scale_2; its Gaussians are read as flat (2D Gaussian Splatting)",
+      path));
+}
+
+// Value of full intensity of the colour columns.
+double full_intensity_of(PlyTable& table, const std::string& path) {
+  if (!is_real_property(path, kColors[0])) return 255;
+  float largest = 0;
+  for (const char* color : kColors)
+    change_column(table, color, [&](float value) { largest = std::max(largest, value); });
+  return full_intensity(largest);
+}
+
+void turn_colors_into_harmonics(PlyTable& table, const std::string& path) {
+  const double full = full_intensity_of(table, path);
+  for (size_t k = 0; k < 3; ++k) {
+    change_column(table, kColors[k], [&](float& value) { value = sh0_of_color(value / full); });
+    rename(table.names, kColors[k], kSh0[k]);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path) {
+  if (is_point_cloud(names))
+    throw Error(fmt::format(
+        "cannot read {}: it has no opacity, scale_0 and rot_0, so it is a point cloud, not a PLY "
+        "of trained Gaussians; a scene takes it as points3D.ply",
+        path));
+  if (is_colored(names))
+    for (size_t k = 0; k < 3; ++k) rename(names, kColors[k], kSh0[k]);
+  if (is_flat(names)) names.push_back("scale_2");
+  return names;
+}
+
+PlyTable with_standard_columns(PlyTable table, const std::string& path) {
+  if (is_colored(table.names)) turn_colors_into_harmonics(table, path);
+  if (is_flat(table.names)) flatten(table, path);
+  return table;
+}
+
+}  // namespace gflow

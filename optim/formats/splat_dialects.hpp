@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// What other programs write differently into a PLY of trained Gaussians, and how it becomes the
+// standard form (splat_table.hpp).
+#pragma once
+#include <string>
+#include <vector>
+
+#include "optim/formats/ply.hpp"
+
+namespace gflow {
+
+// Property names of a PLY after with_standard_columns(). Error that names `path` if the file is a
+// point cloud.
+std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path);
+
+// Converts the columns of a PLY of another program, `table` read from `path`, with a warning if the
+// file differs from what it seems to be:
+//   no scale_2       flat Gaussians (2D Gaussian Splatting)
+//   red green blue   colours instead of f_dc_* (nerfstudio)
+PlyTable with_standard_columns(PlyTable table, const std::string& path);
+
+}  // namespace gflow

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files as other programs write them, made of known Gaussians by the descriptions of their columns.
+#include "optim/formats/splat_dialects.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "optim/formats/splat_table.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace gflow {
+namespace {
+
+// Three Gaussians with the values of a trained file: log scales below 0 and logits of both signs.
+PlyTable trained_table() {
+  SplatTable splats(3, 0, Normals::none);
+  for (size_t i = 0; i < 3; ++i) {
+    const SplatRow row = splats.row(i);
+    for (size_t k = 0; k < 3; ++k) {
+      row.mean[k] = float(i) + 0.25f * float(k);
+      row.sh0[k] = 0.5f * float(k) - 0.3f * float(i);
+      row.log_scales[k] = -1 - float(i) - 0.5f * float(k);
+    }
+    *row.logit_opacity = 1 - float(i);
+    row.quat[0] = 1;
+  }
+  return splats.table;
+}
+
+void drop_column(PlyTable& table, const std::string& name) {
+  const size_t columns = table.names.size(), gone = size_t(table.column(name));
+  std::vector<float> kept;
+  for (size_t at = 0; at < table.values.size(); ++at)
+    if (at % columns != gone) kept.push_back(table.values[at]);
+  table.values = kept;
+  table.names.erase(table.names.begin() + long(gone));
+}
+
+void add_column(PlyTable& table, const std::string& name, const std::vector<float>& column) {
+  const size_t columns = table.names.size();
+  std::vector<float> wider;
+  for (size_t i = 0; i < table.rows; ++i) {
+    const auto row = table.values.begin() + long(i * columns);
+    wider.insert(wider.end(), row, row + long(columns));
+    wider.push_back(column[i]);
+  }
+  table.values = wider;
+  table.names.push_back(name);
+}
+
+std::string written(const TemporaryFolder& folder, const std::string& name, const PlyTable& table) {
+  write_ply(folder.file(name), table);
+  return folder.file(name);
+}
+
+std::string warnings_of(const std::function<void()>& f) {
+  testing::internal::CaptureStderr();
+  f();
+  return testing::internal::GetCapturedStderr();
+}
+
+testing::AssertionResult contains(const std::string& text, const std::string& part) {
+  if (text.find(part) != text.npos) return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "'" << part << "' is not in: " << text;
+}
+
+TEST(SplatDialects, AStandardFileIsReadAsItIsWithoutAWarning) {
+  const TemporaryFolder folder;
+  const PlyTable table = trained_table();
+  const std::string path = written(folder, "a.ply", table);
+  PlyTable read;
+  EXPECT_EQ(warnings_of([&] { read = read_splats(path); }), "");
+  EXPECT_EQ(read.values, table.values);
+  EXPECT_EQ(read.names, table.names);
+}
+
+TEST(SplatDialects, GaussiansOfTwoScalesAreFlat) {
+  const TemporaryFolder folder;
+  const PlyTable solid = trained_table();
+  PlyTable flat = solid;
+  drop_column(flat, "scale_2");
+  const std::string path = written(folder, "a.ply", flat);
+  PlyTable read;
+  EXPECT_TRUE(
+      contains(warnings_of([&] { read = read_splats(path); }), path + ": it has no scale_2"));
+  EXPECT_EQ(read.column_values("scale_2"), std::vector<float>(3, log_of_scale(0)));
+  for (const std::string& name : flat.names)
+    EXPECT_EQ(read.column_values(name), solid.column_values(name)) << name;
+}
+
+TEST(SplatDialects, OtherMissingScalesAreAnError) {
+  const TemporaryFolder folder;
+  PlyTable table = trained_table();
+  drop_column(table, "scale_1");
+  expect_error([&] { read_splats(written(folder, "a.ply", table)); }, {"'scale_1' is missing"});
+}
+
+// Bytes as nerfstudio writes them, and reals of both usual ranges.
+TEST(SplatDialects, ColoursBecomeHarmonics) {
+  const TemporaryFolder folder;
+  const auto file = [&](const std::string& type, const std::string& rgb) {
+    std::string text = "ply\nformat ascii 1.0\nelement vertex 1\n";
+    for (const char* name : {"x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
+                             "rot_1", "rot_2", "rot_3"})
+      text += fmt::format("property float {}\n", name);
+    for (const char* name : {"red", "green", "blue"})
+      text += "property " + type + " " + name + "\n";
+    return folder.write("a.ply", text + "end_header\n1 2 3 0.5 -2 -2 -2 1 0 0 0 " + rgb + "\n");
+  };
+  const auto colors = [&](const std::string& type, const std::string& rgb) {
+    SplatTable table = standard_table(read_splats(file(type, rgb)), "a.ply");
+    const float* sh0 = table.row(0).sh0;
+    std::vector<int> levels;
+    for (size_t k = 0; k < 3; ++k) levels.push_back(int(std::lround(255 * color_of_sh0(sh0[k]))));
+    return levels;
+  };
+  EXPECT_EQ(colors("uchar", "255 0 51"), (std::vector<int>{255, 0, 51}));
+  EXPECT_EQ(colors("uchar", "1 0 1"), (std::vector<int>{1, 0, 1}));
+  EXPECT_EQ(colors("float", "1 0 0.2"), (std::vector<int>{255, 0, 51}));
+  EXPECT_EQ(colors("float", "255 0 51"), (std::vector<int>{255, 0, 51}));
+}
+
+TEST(SplatDialects, HarmonicsArePreferredToColours) {
+  const TemporaryFolder folder;
+  PlyTable table = trained_table();
+  for (const char* name : {"red", "green", "blue"}) add_column(table, name, {0.5f, 0.5f, 0.5f});
+  const PlyTable read = read_splats(written(folder, "a.ply", table));
+  EXPECT_EQ(read.column_values("f_dc_1"), table.column_values("f_dc_1"));
+}
+
+TEST(SplatDialects, APointCloudIsNamedAsOne) {
+  const TemporaryFolder folder;
+  const std::string plain =
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+      "property float z\n";
+  const std::string colored =
+      plain + "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  for (const std::string& bytes :
+       {plain + "end_header\n1 2 3\n", colored + "end_header\n1 2 3 4 5 6\n"})
+    expect_error([&] { read_splats(folder.write("a.ply", bytes)); },
+                 {"cannot read", "a.ply", "a point cloud", "points3D.ply"});
+}
+
+}  // namespace
+}  // namespace gflow
