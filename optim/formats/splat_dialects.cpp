@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <initializer_list>
 
 #include "optim/formats/splat_table.hpp"
@@ -94,6 +95,35 @@ void turn_colors_into_harmonics(PlyTable& table, const std::string& path) {
   }
 }
 
+// With the standard deviation f of the filter [scene units], for each Gaussian
+//   scale'^2 = scale^2 + f^2        opacity' = opacity sqrt(prod scale^2 / prod scale'^2)
+// (mip-splatting, Yu et al. 2024, get_scaling_with_3D_filter and get_opacity_with_3D_filter).
+void apply_filter(float f, float* log_scales[3], float& logit_opacity) {
+  double shares = 1;
+  for (size_t k = 0; k < 3; ++k) {
+    const double before = std::exp(2 * double(*log_scales[k])), after = before + double(f) * f;
+    shares *= before / after;
+    *log_scales[k] = float(0.5 * std::log(after));
+  }
+  logit_opacity = logit_of_opacity(opacity_of_logit(logit_opacity) * std::sqrt(shares));
+}
+
+void apply_filters(PlyTable& table, const std::string& path) {
+  const size_t columns = table.names.size(), filter = size_t(table.column("filter_3D"));
+  const size_t opacity = size_t(table.column("opacity"));
+  const std::array<int, 3> scales = {table.column("scale_0"), table.column("scale_1"),
+                                     table.column("scale_2")};
+  for (size_t i = 0; i < table.rows; ++i) {
+    float* row = table.values.data() + i * columns;
+    float* log_scales[3] = {row + scales[0], row + scales[1], row + scales[2]};
+    if (row[filter] != 0) apply_filter(row[filter], log_scales, row[opacity]);
+    row[filter] = 0;
+  }
+  warn_once(fmt::format(
+      "reading {}: its 3D filter (filter_3D, mip-splatting) is applied to scales and opacities",
+      path));
+}
+
 }  // namespace
 
 std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path) {
@@ -111,6 +141,7 @@ std::vector<std::string> standard_names(std::vector<std::string> names, const st
 PlyTable with_standard_columns(PlyTable table, const std::string& path) {
   if (is_colored(table.names)) turn_colors_into_harmonics(table, path);
   if (is_flat(table.names)) flatten(table, path);
+  if (has(table.names, "filter_3D")) apply_filters(table, path);
   return table;
 }
 

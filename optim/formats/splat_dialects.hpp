@@ -17,6 +17,7 @@ std::vector<std::string> standard_names(std::vector<std::string> names, const st
 // file differs from what it seems to be:
 //   no scale_2       flat Gaussians (2D Gaussian Splatting)
 //   red green blue   colours instead of f_dc_* (nerfstudio)
+//   filter_3D        a filter still to be applied to scales and opacities (mip-splatting)
 PlyTable with_standard_columns(PlyTable table, const std::string& path);
 
 }  // namespace gflow

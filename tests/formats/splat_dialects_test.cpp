@@ -131,6 +131,49 @@ TEST(SplatDialects, HarmonicsArePreferredToColours) {
   EXPECT_EQ(read.column_values("f_dc_1"), table.column_values("f_dc_1"));
 }
 
+// Scales 3, 4, 5 and a filter of 12, 3, 0 in turn: 3^2 + 12^2 = 153 and so on.
+TEST(SplatDialects, TheFilterOfMipSplattingIsAppliedOnce) {
+  const TemporaryFolder folder;
+  PlyTable table = trained_table();
+  const std::vector<double> scales{3, 4, 5}, filters{12, 3, 0};
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t k = 0; k < 3; ++k)
+      table.values[i * table.names.size() + size_t(table.column("scale_0")) + k] =
+          float(std::log(scales[k]));
+  add_column(table, "filter_3D", {12, 3, 0});
+  const std::string path = written(folder, "a.ply", table);
+  SplatTable once(0, 0);
+  EXPECT_TRUE(contains(warnings_of([&] { once = standard_table(read_splats(path), path); }),
+                       path + ": its 3D filter"));
+  const std::vector<float> logits = table.column_values("opacity");
+  for (size_t i = 0; i < 3; ++i) {
+    double ratio = 1;
+    for (size_t k = 0; k < 3; ++k) {
+      const double scale = std::hypot(scales[k], filters[i]);
+      EXPECT_NEAR(std::exp(once.row(i).log_scales[k]), scale, 1e-5 * scale);
+      ratio *= scales[k] / scale;
+    }
+    EXPECT_NEAR(opacity_of_logit(*once.row(i).logit_opacity), opacity_of_logit(logits[i]) * ratio,
+                1e-6);
+  }
+  write_ply(folder.file("b.ply"), once.table);
+  EXPECT_EQ(standard_table(read_splats(folder.file("b.ply")), "b.ply").table.values,
+            once.table.values);
+}
+
+TEST(SplatDialects, AFilterMakesFlatGaussiansSolidAndUnseen) {
+  const TemporaryFolder folder;
+  PlyTable table = trained_table();
+  drop_column(table, "scale_2");
+  add_column(table, "filter_3D", {0.5f, 0, std::nanf("")});
+  const PlyTable read = read_splats(written(folder, "a.ply", table));
+  ASSERT_EQ(read.rows, 2u);  // without the filter that is NaN
+  EXPECT_NEAR(std::exp(read.column_values("scale_2")[0]), 0.5, 1e-6);
+  EXPECT_LE(opacity_of_logit(read.column_values("opacity")[0]), 1.1e-6);
+  EXPECT_EQ(read.column_values("scale_2")[1], log_of_scale(0));
+  EXPECT_EQ(read.column_values("opacity")[1], table.column_values("opacity")[1]);
+}
+
 TEST(SplatDialects, APointCloudIsNamedAsOne) {
   const TemporaryFolder folder;
   const std::string plain =
