@@ -15,6 +15,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "optim/formats/ply_rows.hpp"
+#include "optim/formats/splat_dialects.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
 
@@ -173,6 +175,7 @@ PlyTable read_compressed_ply(const std::string& path) {
     *row.logit_opacity = logit_of_opacity(share(rgba, 0, 8));
     for (size_t k = 0; k < table.rest; ++k) row.sh_rest[k] = unpack_sh(rest[k][i]);
   }
+  if (is_antialiased(PlyRows(path).header().comments)) table.table.comments = {antialiased_comment};
   return std::move(table.table);
 }
 

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <initializer_list>
+#include <sstream>
 
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
@@ -125,6 +127,19 @@ void apply_filters(PlyTable& table, const std::string& path) {
 }
 
 }  // namespace
+
+bool is_antialiased(const std::vector<std::string>& comments) {
+  bool antialiased = false;
+  for (std::string comment : comments) {
+    for (char& c : comment) c = char(std::tolower(static_cast<unsigned char>(c)));
+    std::istringstream words(comment);
+    std::string key, value;
+    words >> key >> value;
+    if (key == "splatrendermode:") antialiased = value == "mip";
+    if (key == "antialiased") antialiased = value == "1";
+  }
+  return antialiased;
+}
 
 std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path) {
   if (is_point_cloud(names))

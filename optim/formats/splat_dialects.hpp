@@ -9,6 +9,12 @@
 
 namespace gflow {
 
+// Comment of a PLY whose Gaussians were trained with antialiasing, as Brush and gsplat write it.
+constexpr const char* antialiased_comment = "SplatRenderMode: mip";
+
+// Whether the last comment on it, in this form or in Postshot's "antialiased 1", says so.
+bool is_antialiased(const std::vector<std::string>& comments);
+
 // Property names of a PLY after with_standard_columns(). Error that names `path` if the file is a
 // point cloud.
 std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path);

@@ -98,6 +98,7 @@ StandardRows::StandardRows(const PlyTable& table, const std::string& path)
   require_columns(table.names, sh_degree_, path);
   head_.rows = table.rows;
   head_.origin = table.origin;
+  if (is_antialiased(table.comments)) head_.comments = {antialiased_comment};
   for (const std::string& name : head_.names) from_.push_back(table.column(name));
 }
 
@@ -253,7 +254,13 @@ PlyTable read_splats(const std::string& path, Undrawable undrawable) {
 }
 
 PlyTable read_splats(const std::string& path, SplatFormat format, Undrawable undrawable) {
-  return drawable(with_finite_ends(read_unchecked(path, format)), path, undrawable);
+  PlyTable table = read_unchecked(path, format);
+  if (is_antialiased(table.comments))
+    warn_once(fmt::format(
+        "reading {}: its Gaussians were trained with antialiasing, which gflow does not draw: thin "
+        "Gaussians look too opaque; train without antialiasing for exact images",
+        path));
+  return drawable(with_finite_ends(std::move(table)), path, undrawable);
 }
 
 }  // namespace gflow

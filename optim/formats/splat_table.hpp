@@ -43,7 +43,7 @@ class StandardRows {
  public:
   StandardRows(const PlyTable& table, const std::string& path);
   int sh_degree() const { return sh_degree_; }
-  // The standard table without its values.
+  // The standard table without its values. Of the comments, only that on antialiasing is kept.
   const PlyTable& head() const { return head_; }
   // Row i; has the signature of PlyRow.
   void copy(size_t i, float* values) const;

@@ -16,6 +16,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "optim/formats/splat_dialects.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/files/atomic_file.hpp"
@@ -25,6 +26,7 @@ namespace gflow {
 namespace {
 
 constexpr uint32_t kMagic = 0x5053474e;  // "NGSP"
+constexpr uint8_t kAntialiased = 1;      // bit of the flags: trained with antialiasing
 
 struct SpzHeader {
   uint32_t magic, version, count;
@@ -146,6 +148,7 @@ PlyTable read_spz(const std::string& path) {
     row.quat[2] = -float(q[1]);
     row.quat[3] = -float(q[2]);
   }
+  if (header.flags & kAntialiased) table.table.comments = {antialiased_comment};
   return std::move(table.table);
 }
 

@@ -6,8 +6,8 @@
 namespace gflow {
 
 // Returns a standard 3DGS PLY, rotated from the axes of the format (y up, z backward) to those of a
-// PLY (y down, z forward). Error if the version is unknown or the file is shorter than its header
-// says.
+// PLY (y down, z forward), with antialiased_comment if the header says so. Error if the version is
+// unknown or the file is shorter than its header says.
 PlyTable read_spz(const std::string& path);
 
 }  // namespace gflow

@@ -77,6 +77,23 @@ TEST(SplatDialects, AStandardFileIsReadAsItIsWithoutAWarning) {
   EXPECT_EQ(read.names, table.names);
 }
 
+// In any case and with any blanks; the last comment on it counts.
+TEST(SplatDialects, CommentsTellOfAntialiasing) {
+  const std::vector<std::vector<std::string>> yes = {
+      {"SplatRenderMode: mip"},
+      {"  SPLATRENDERMODE:  MIP "},
+      {"antialiased 1"},
+      {"SplatRenderMode: default", "by hand", "antialiased 1"}};
+  const std::vector<std::vector<std::string>> no = {{},
+                                                    {"SplatRenderMode: default"},
+                                                    {"antialiased 0"},
+                                                    {"antialiased"},
+                                                    {"not antialiased 1"},
+                                                    {"antialiased 1", "SplatRenderMode: default"}};
+  for (const auto& comments : yes) EXPECT_TRUE(is_antialiased(comments)) << comments[0];
+  for (const auto& comments : no) EXPECT_FALSE(is_antialiased(comments)) << comments.size();
+}
+
 TEST(SplatDialects, GaussiansOfTwoScalesAreFlat) {
   const TemporaryFolder folder;
   const PlyTable solid = trained_table();

@@ -439,6 +439,7 @@ TEST(CompressedPly, ARangeThatIsNotFiniteLosesItsChunk) {
 
 struct Spz {
   uint32_t version;
+  uint8_t flags = 0;
 
   std::string bytes(SplatTable& table) const {
     const size_t n = table.table.rows, coefficients = table.rest / 3;
@@ -446,7 +447,7 @@ struct Spz {
     append(out, version);
     append(out, uint32_t(n));
     const int degree = sh_degree_of(table.rest);
-    for (const int value : {degree, 12, 0, 0}) append(out, uint8_t(value));
+    for (const int value : {degree, 12, int(flags), 0}) append(out, uint8_t(value));
     for (size_t i = 0; i < n; ++i)
       for (size_t k = 0; k < 3; ++k) {  // y and z are flipped
         const int32_t fixed = int32_t(std::lround(table.row(i).mean[k] * (k ? -4096.f : 4096.f)));
@@ -546,6 +547,28 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
 }
 
 // --- any format
+
+// Bit 0 of the flags in an .spz, a comment elsewhere.
+TEST(SplatFormats, TrainingWithAntialiasingIsReportedAndKept) {
+  const TemporaryFolder folder;
+  SplatTable table = random_splats(4, 0);
+  std::string packed = CompressedPly{}.bytes(table);
+  packed.insert(packed.find("element"), "comment SplatRenderMode: mip\n");
+  PlyTable plain = table.table;
+  plain.comments = {"made by hand", "antialiased 1"};
+  write_ply(folder.file("a.ply"), plain);
+  for (const std::string& path : {folder.file("a.ply"), folder.write("b.ply", packed),
+                                  folder.write("c.spz", Spz{3, 1}.bytes(table))}) {
+    testing::internal::CaptureStderr();
+    const PlyTable read = read_splats(path);
+    EXPECT_NE(testing::internal::GetCapturedStderr().find(
+                  path + ": its Gaussians were trained with antialiasing"),
+              std::string::npos);
+    EXPECT_EQ(StandardRows(read, path).head().comments,
+              std::vector<std::string>{"SplatRenderMode: mip"});
+  }
+  EXPECT_TRUE(read_splats(folder.write("d.spz", Spz{3, 2}.bytes(table))).comments.empty());
+}
 
 TEST(SplatFormats, AreKnownByTheirFirstBytes) {
   const TemporaryFolder folder;
