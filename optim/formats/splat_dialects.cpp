@@ -7,6 +7,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <filesystem>
 #include <initializer_list>
 #include <sstream>
 
@@ -126,7 +127,52 @@ void apply_filters(PlyTable& table, const std::string& path) {
       path));
 }
 
+// Whether test(value) holds for all values of a column.
+template <class Test>
+bool all_of_column(const PlyTable& table, const std::string& name, Test&& test) {
+  const size_t columns = table.names.size();
+  for (size_t at = size_t(table.column(name)); at < table.values.size(); at += columns)
+    if (!test(table.values[at])) return false;
+  return true;
+}
+
+// In a trained file some Gaussian is smaller than a scene unit, and some logit is outside 0 to 1.
+bool looks_linear(const PlyTable& table) {
+  if (table.rows < 2) return false;
+  for (const char* scale : {"scale_0", "scale_1", "scale_2"})
+    if (has(table.names, scale) &&
+        !all_of_column(table, scale, [](float value) { return value > 0; }))
+      return false;
+  return all_of_column(table, "opacity", [](float value) { return value >= 0 && value <= 1; });
+}
+
+// The file or folder of the network that moves the Gaussians of a PLY; empty if there is none.
+// 4DGaussians keeps it beside the PLY, Deformable-3D-Gaussians in RUN/deform for
+// RUN/point_cloud/iteration_N/point_cloud.ply.
+std::string deformation_network(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code failed;
+  const fs::path folder = fs::absolute(path, failed).parent_path(), clouds = folder.parent_path();
+  const fs::path beside = folder / "deformation.pth", of_run = clouds.parent_path() / "deform";
+  if (fs::exists(beside, failed)) return beside.string();
+  return clouds.filename() == "point_cloud" && fs::exists(of_run, failed) ? of_run.string() : "";
+}
+
 }  // namespace
+
+void warn_of_doubts(const PlyTable& table, const std::string& path) {
+  if (looks_linear(table))
+    warn_once(
+        fmt::format("reading {}: all its scales are positive and all its opacities between 0 and "
+                    "1, as if they were lengths and opacities; a PLY has their logarithms and "
+                    "logits",
+                    path));
+  if (const std::string network = deformation_network(path); !network.empty())
+    warn_once(
+        fmt::format("reading {}: it has the rest pose of the deformation network {}, which gflow "
+                    "does not read; export one PLY per time with the program that trained it",
+                    path, network));
+}
 
 bool is_antialiased(const std::vector<std::string>& comments) {
   bool antialiased = false;

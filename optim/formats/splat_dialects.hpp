@@ -19,6 +19,11 @@ bool is_antialiased(const std::vector<std::string>& comments);
 // point cloud.
 std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path);
 
+// Warns of what gflow cannot know for sure: scales and opacities that look as if their logarithm
+// and logit were forgotten, and a deformation network beside the file (4DGaussians,
+// Deformable-3D-Gaussians). Call it before with_standard_columns().
+void warn_of_doubts(const PlyTable& table, const std::string& path);
+
 // Converts the columns of a PLY of another program, `table` read from `path`, with a warning if the
 // file differs from what it seems to be:
 //   no scale_2       flat Gaussians (2D Gaussian Splatting)

@@ -235,7 +235,9 @@ PlyTable read_unchecked(const std::string& path, SplatFormat format) {
   if (format == SplatFormat::ply) {
     // Checked before memory is allocated.
     require_columns(standard_names(ply_vertex_properties(path), path), 0, path);
-    return with_standard_columns(read_ply(path), path);
+    PlyTable table = read_ply(path);
+    if (!comment_after(table, model_comment)) warn_of_doubts(table, path);
+    return with_standard_columns(std::move(table), path);
   }
   if (format == SplatFormat::compressed_ply) return read_compressed_ply(path);
   if (format == SplatFormat::spz) return read_spz(path);

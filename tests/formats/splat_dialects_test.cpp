@@ -191,6 +191,52 @@ TEST(SplatDialects, AFilterMakesFlatGaussiansSolidAndUnseen) {
   EXPECT_EQ(read.column_values("opacity")[1], table.column_values("opacity")[1]);
 }
 
+// The scales and opacities of a trained file without their logarithms and logits.
+TEST(SplatDialects, LengthsInPlaceOfLogarithmsAreDoubted) {
+  const TemporaryFolder folder;
+  PlyTable table = trained_table();
+  const size_t columns = table.names.size();
+  for (size_t i = 0; i < table.rows; ++i) {
+    float* row = table.values.data() + i * columns;
+    for (const char* name : {"scale_0", "scale_1", "scale_2"})
+      row[table.column(name)] = std::exp(row[table.column(name)]);
+    row[table.column("opacity")] = float(i) / 2;
+  }
+  const std::string path = written(folder, "a.ply", table);
+  PlyTable read;
+  EXPECT_TRUE(contains(warnings_of([&] { read = read_splats(path); }),
+                       path + ": all its scales are positive"));
+  EXPECT_EQ(read.values, table.values);
+  const auto is_silent = [&](const std::string& name, const PlyTable& other) {
+    return warnings_of([&] { read_splats(written(folder, name, other)); }).empty();
+  };
+  PlyTable small = table, seen = table, own = table, one = table;
+  small.values[columns + size_t(table.column("scale_1"))] = -0.1f;
+  seen.values[columns + size_t(table.column("opacity"))] = 1.1f;
+  own.comments = {"gflow spacetime"};
+  one.rows = 1;
+  one.values.resize(columns);
+  EXPECT_TRUE(is_silent("small.ply", small));
+  EXPECT_TRUE(is_silent("seen.ply", seen));
+  EXPECT_TRUE(is_silent("own.ply", own));
+  EXPECT_TRUE(is_silent("one.ply", one));
+}
+
+TEST(SplatDialects, TheRestPoseOfADeformationNetworkIsNamed) {
+  const TemporaryFolder folder;
+  const PlyTable table = trained_table();
+  const std::string alone = written(folder, "a/point_cloud/iteration_7/point_cloud.ply", table);
+  EXPECT_EQ(warnings_of([&] { read_splats(alone); }), "");
+  folder.write("b/point_cloud/iteration_7/deformation.pth", "PK");
+  folder.write("c/deform/iteration_7/deform.pth", "PK");
+  for (const char* run : {"b", "c"}) {
+    const std::string path =
+        written(folder, std::string(run) + "/point_cloud/iteration_7/point_cloud.ply", table);
+    EXPECT_TRUE(contains(warnings_of([&] { read_splats(path); }),
+                         path + ": it has the rest pose of the deformation network"));
+  }
+}
+
 TEST(SplatDialects, APointCloudIsNamedAsOne) {
   const TemporaryFolder folder;
   const std::string plain =
