@@ -62,7 +62,7 @@ void run_import(const ImportFlags& flags) {
   table.origin = origin_of(table, flags.input);
   if (table.column("scale_t") >= 0)
     throw Error(
-        fmt::format("importing {}: it is a dynamic model of gflow; `gflow export --format ply "
+        fmt::format("importing {}: it is a dynamic model; `gflow export --format ply "
                     "--times T` writes a PLY of one time",
                     flags.input));
   const StandardRows standard(table, flags.input);

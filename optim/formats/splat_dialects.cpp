@@ -50,6 +50,8 @@ bool is_colored(const Names& names) {
          !has(names, kSh0[0]);
 }
 
+bool is_spacetime(const Names& names) { return has_all(names, {"trbf_center", "trbf_scale"}); }
+
 // Calls change(value) for each value of a column.
 template <class Change>
 void change_column(PlyTable& table, const std::string& name, Change&& change) {
@@ -127,6 +129,40 @@ void apply_filters(PlyTable& table, const std::string& path) {
       path));
 }
 
+// Error if a network decodes the colours: the full model of SpacetimeGaussians has nine features
+// per Gaussian, the lite model three.
+void refuse_decoded_colors(const Names& names, const std::string& path) {
+  if (!has(names, "f_dc_3") && !has(names, "f_t_0")) return;
+  throw Error(fmt::format(
+      "cannot read {}: it is a full model of SpacetimeGaussians, whose colours a network makes; "
+      "gflow reads its lite model",
+      path));
+}
+
+// SpacetimeGaussians, Li et al. 2024 (renderer/__init__.py, train_ours_lite). At the time t in
+// [0, 1), with tau = t - trbf_center and b = exp(trbf_scale):
+//   mean      x + motion_0..2 tau + motion_3..5 tau^2 + motion_6..8 tau^3
+//   rotation  rot + omega tau, normalised
+//   opacity   sigmoid(opacity) exp(-(tau / b)^2)        colour  f_dc
+// This is the motion model spacetime with scale_t = b / sqrt 2, but for the cubic term.
+void convert_spacetime(PlyTable& table, const std::string& path) {
+  rename(table.names, "trbf_center", "t");
+  rename(table.names, "trbf_scale", "scale_t");
+  change_column(table, "scale_t", [](float& value) { value -= float(std::log(2) / 2); });
+  for (const char* name : kSh0)
+    change_column(table, name, [](float& value) { value = sh0_of_color(value); });
+  table.comments.push_back("cutoff 0.0039");  // of the temporal weight: one level of 8 bits
+  bool cubic = false;
+  for (const char* name : {"motion_6", "motion_7", "motion_8"})
+    if (has(table.names, name))
+      change_column(table, name, [&](float value) { cubic = cubic || value != 0; });
+  if (cubic)
+    warn_once(fmt::format(
+        "reading {}: the cubic term of its paths (motion_6 to motion_8) is left out; gflow has "
+        "paths of degree 2",
+        path));
+}
+
 // Whether test(value) holds for all values of a column.
 template <class Test>
 bool all_of_column(const PlyTable& table, const std::string& name, Test&& test) {
@@ -193,6 +229,7 @@ std::vector<std::string> standard_names(std::vector<std::string> names, const st
         "cannot read {}: it has no opacity, scale_0 and rot_0, so it is a point cloud, not a PLY "
         "of trained Gaussians; a scene takes it as points3D.ply",
         path));
+  if (is_spacetime(names)) refuse_decoded_colors(names, path);
   if (is_colored(names))
     for (size_t k = 0; k < 3; ++k) rename(names, kColors[k], kSh0[k]);
   if (is_flat(names)) names.push_back("scale_2");
@@ -202,6 +239,7 @@ std::vector<std::string> standard_names(std::vector<std::string> names, const st
 PlyTable with_standard_columns(PlyTable table, const std::string& path) {
   if (is_colored(table.names)) turn_colors_into_harmonics(table, path);
   if (is_flat(table.names)) flatten(table, path);
+  if (is_spacetime(table.names)) convert_spacetime(table, path);
   if (has(table.names, "filter_3D")) apply_filters(table, path);
   return table;
 }

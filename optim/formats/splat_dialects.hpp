@@ -16,7 +16,7 @@ constexpr const char* antialiased_comment = "SplatRenderMode: mip";
 bool is_antialiased(const std::vector<std::string>& comments);
 
 // Property names of a PLY after with_standard_columns(). Error that names `path` if the file is a
-// point cloud.
+// point cloud, or if a network makes the colours of its Gaussians (SpacetimeGaussians, full model).
 std::vector<std::string> standard_names(std::vector<std::string> names, const std::string& path);
 
 // Warns of what gflow cannot know for sure: scales and opacities that look as if their logarithm
@@ -29,6 +29,8 @@ void warn_of_doubts(const PlyTable& table, const std::string& path);
 //   no scale_2       flat Gaussians (2D Gaussian Splatting)
 //   red green blue   colours instead of f_dc_* (nerfstudio)
 //   filter_3D        a filter still to be applied to scales and opacities (mip-splatting)
+//   trbf_center ...  moving Gaussians of SpacetimeGaussians, lite model; become those of the motion
+//                    model spacetime without their cubic term
 PlyTable with_standard_columns(PlyTable table, const std::string& path);
 
 }  // namespace gflow

@@ -237,6 +237,50 @@ TEST(SplatDialects, TheRestPoseOfADeformationNetworkIsNamed) {
   }
 }
 
+// A file of the lite model: trained_table() with colours for harmonics, and motion.
+PlyTable spacetime_gaussians() {
+  PlyTable table = trained_table();
+  add_column(table, "trbf_center", {0.25f, 0.5f, 0.75f});
+  add_column(table, "trbf_scale", {-2, 0, 1});
+  for (int k = 0; k < 9; ++k)
+    add_column(table, fmt::format("motion_{}", k), {0.1f * float(k), 0, -0.3f});
+  for (int k = 0; k < 4; ++k) add_column(table, fmt::format("omega_{}", k), {0, 0.1f, 0.2f});
+  return table;
+}
+
+TEST(SplatDialects, SpacetimeGaussiansMoveByTheSpacetimeModel) {
+  const TemporaryFolder folder;
+  const PlyTable table = spacetime_gaussians();
+  const std::string path = written(folder, "a.ply", table);
+  PlyTable read;
+  EXPECT_TRUE(contains(warnings_of([&] { read = read_splats(path); }),
+                       path + ": the cubic term of its paths (motion_6 to motion_8) is left out"));
+  for (const char* same : {"x", "opacity", "scale_1", "rot_0", "motion_0", "motion_5", "omega_3"})
+    EXPECT_EQ(read.column_values(same), table.column_values(same)) << same;
+  EXPECT_EQ(read.column_values("t"), table.column_values("trbf_center"));
+  for (size_t i = 0; i < 3; ++i) {
+    const double b = std::exp(table.column_values("trbf_scale")[i]), tau = 0.4;
+    const double s = std::exp(read.column_values("scale_t")[i]);
+    EXPECT_NEAR(std::exp(-tau * tau / (2 * s * s)), std::exp(-tau * tau / (b * b)), 1e-6);
+    EXPECT_NEAR(color_of_sh0(read.column_values("f_dc_2")[i]), table.column_values("f_dc_2")[i],
+                1e-6);
+  }
+  PlyTable square = table;
+  for (const char* name : {"motion_6", "motion_7", "motion_8"}) drop_column(square, name);
+  const std::string quiet = written(folder, "b.ply", square);
+  EXPECT_EQ(warnings_of([&] { read_splats(quiet); }), "");
+}
+
+TEST(SplatDialects, ColoursOfANetworkAreRefused) {
+  const TemporaryFolder folder;
+  for (const char* feature : {"f_dc_3", "f_t_0"}) {
+    PlyTable table = spacetime_gaussians();
+    add_column(table, feature, {0, 0, 0});
+    expect_error([&] { read_splats(written(folder, "a.ply", table)); },
+                 {"a.ply", "full model of SpacetimeGaussians", "lite model"});
+  }
+}
+
 TEST(SplatDialects, APointCloudIsNamedAsOne) {
   const TemporaryFolder folder;
   const std::string plain =

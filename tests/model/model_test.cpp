@@ -230,6 +230,35 @@ TEST(Model, AStandard3dgsFileIsTheSameAtAllTimes) {
   EXPECT_EQ(first.opacities.read(queue), last.opacities.read(queue));
 }
 
+// Columns and formulas: optim/formats/splat_dialects.cpp. A weight of 1/255 is not visible.
+TEST(Model, AFileOfSpacetimeGaussiansIsReadAsOneThatMoves) {
+  const TemporaryFolder folder;
+  PlyTable table;
+  table.rows = 1;
+  table.names = {"x",      "y",      "z",       "trbf_center", "trbf_scale", "f_dc_0",
+                 "f_dc_1", "f_dc_2", "opacity", "scale_0",     "scale_1",    "scale_2",
+                 "rot_0",  "rot_1",  "rot_2",   "rot_3"};
+  for (int k = 0; k < 9; ++k) table.names.push_back("motion_" + std::to_string(k));
+  for (int k = 0; k < 4; ++k) table.names.push_back("omega_" + std::to_string(k));
+  for (size_t c = 0; c < table.names.size(); ++c) table.values.push_back(0.1f * float(c + 1));
+  write_ply(folder.file("lite.ply"), table);
+  const HostModel model = read_model(folder.file("lite.ply"));
+  const auto columns = [&](const std::string& stem, int first, int last) {
+    std::vector<float> values;
+    for (int k = first; k <= last; ++k)
+      values.push_back(table.column_values(stem + std::to_string(k))[0]);
+    return values;
+  };
+  EXPECT_EQ(model.shape.motion, MotionModelKind::spacetime);
+  EXPECT_EQ(model.shape.duration, 1);
+  EXPECT_LT(model.shape.cutoff, 1.0 / 255);
+  EXPECT_EQ(model.groups.at("means_t"), table.column_values("trbf_center"));
+  EXPECT_EQ(model.groups.at("velocities"), columns("motion_", 0, 2));
+  EXPECT_EQ(model.groups.at("half_accelerations"), columns("motion_", 3, 5));
+  EXPECT_EQ(model.groups.at("turns"), columns("omega_", 0, 3));
+  EXPECT_FALSE(is_static_model(model));
+}
+
 TEST(Model, APublished3dgsFileIsRead) {
   const std::string path =
       std::string(GFLOW_SOURCE_DIR) + "/../shared/data/splat_models/kacytran_iter7000.ply";
