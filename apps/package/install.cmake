@@ -60,7 +60,7 @@ set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS ON)
 set(CPACK_COMPONENT_DEV_DEPENDS program)
 # What gflowConfig.cmake looks for.
 set(dev_packages pkg-config ocl-icd-opencl-dev opencl-clhpp-headers libeigen3-dev libfmt-dev libspdlog-dev
-    zlib1g-dev libzip-dev)
+    zlib1g-dev libzip-dev libzstd-dev)
 if(OpenCV_FOUND)
   list(APPEND dev_packages nlohmann-json3-dev libtomlplusplus-dev libjpeg-dev libpng-dev libtiff-dev libwebp-dev
        libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev libavformat-dev libavcodec-dev libswscale-dev libavutil-dev)

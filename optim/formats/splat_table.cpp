@@ -148,7 +148,7 @@ SplatFormat splat_format(const std::string& path) {
     throw Error("cannot read " + path + ": it is a zip archive; unpack it first");
   throw Error(
       fmt::format("cannot read {}: unknown splat format; gflow reads .ply, compressed .ply, "
-                  ".splat, .spz (versions 2 and 3) and .4dgs",
+                  ".splat, .spz (versions 2 to 4) and .4dgs",
                   path));
 }
 

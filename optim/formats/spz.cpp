@@ -6,9 +6,14 @@
 //              version 3: 2 bits for the index of the largest of x y z w, which is omitted, then
 //              sign and 9 bits for each of the others
 //   harmonics  u8 of 128 (1 + sh), colour by colour within a coefficient
+// Version 4 has the attributes of version 3, each in a zstd frame, and a 32-byte header: the last
+// byte of the 16 is the number of frames, u32 the offset of their table, 12 bytes are reserved. The
+// table has the packed and the unpacked size of each frame as u64; the frames follow it. Extensions
+// between header and table are skipped.
 #include "optim/formats/spz.hpp"
 
 #include <fmt/format.h>
+#include <zstd.h>
 
 #include <algorithm>
 #include <array>
@@ -30,7 +35,7 @@ constexpr uint8_t kAntialiased = 1;      // bit of the flags: trained with antia
 
 struct SpzHeader {
   uint32_t magic, version, count;
-  uint8_t sh_degree, fraction_bits, flags, reserved;
+  uint8_t sh_degree, fraction_bits, flags, frames;  // frames: 0 before version 4
 };
 static_assert(sizeof(SpzHeader) == 16);
 
@@ -79,9 +84,12 @@ SpzHeader read_header(const Bytes& bytes, const std::string& path) {
   std::memcpy(&header, bytes.data(), sizeof header);
   if (header.magic != kMagic)
     throw_spz_error(path, "it is not an .spz file: it does not start with 'NGSP'");
-  if (header.version != 2 && header.version != 3)
+  if (header.version < 2 || header.version > 4)
     throw_spz_error(
-        path, fmt::format("it is .spz version {}, but gflow only reads 2 and 3", header.version));
+        path,
+        fmt::format("it is .spz version {}, but gflow only reads 2 to 4; save it as one of these "
+                    "or as a PLY",
+                    header.version));
   if (header.sh_degree > 3)
     throw_spz_error(
         path, fmt::format("its spherical harmonics have degree {}, but gflow only reads 0 to 3",
@@ -103,19 +111,54 @@ size_t bytes_each(const SpzHeader& header) {
 }
 constexpr size_t kMostBehind = 1 << 20;  // other programs may append data after the Gaussians
 
+// Error if the attributes of that many Gaussians cannot be packed in a file of `stored` bytes.
+void require_plausible_count(const SpzHeader& header, size_t stored, const std::string& path) {
+  constexpr size_t equal = 1 << 20;  // no real scene has this many equal Gaussians
+  require_plausible_size(sizeof header + header.count * bytes_each(header), stored, path, equal);
+}
+
+// The bytes of version 3 from those of version 4.
+Bytes unpack_frames(const Bytes& stored, const std::string& path) {
+  const SpzHeader header = read_header(stored, path);
+  constexpr size_t long_header = 32, entry = 2 * sizeof(uint64_t);
+  uint32_t table = 0;
+  if (stored.size() >= long_header)
+    std::memcpy(&table, stored.data() + sizeof header, sizeof table);
+  size_t from = table + header.frames * entry, to = sizeof header;
+  if (table < long_header || from > stored.size())
+    throw_spz_error(path, "it is truncated: it ends before its table of frames does");
+  require_plausible_count(header, stored.size(), path);
+  Bytes bytes(sizeof header + header.count * bytes_each(header));
+  std::memcpy(bytes.data(), &header, sizeof header);
+  for (size_t i = 0; i < header.frames; ++i) {
+    std::array<uint64_t, 2> sizes;  // packed, unpacked
+    std::memcpy(sizes.data(), stored.data() + table + i * entry, entry);
+    if (sizes[0] > stored.size() - from || sizes[1] > bytes.size() - to)
+      throw_spz_error(path, fmt::format("frame {} of {} is longer than its header allows", i + 1,
+                                        header.frames));
+    const size_t unpacked =
+        ZSTD_decompress(bytes.data() + to, sizes[1], stored.data() + from, sizes[0]);
+    if (unpacked != sizes[1])  // or an error code, which is larger than any size
+      throw_spz_error(path, fmt::format("frame {} of {} is damaged", i + 1, header.frames));
+    from += sizes[0];
+    to += sizes[1];
+  }
+  bytes.resize(to);
+  return bytes;
+}
+
 }  // namespace
 
 PlyTable read_spz(const std::string& path) {
   require_file(path);
   const size_t stored = std::filesystem::file_size(path);
-  const Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
+  Bytes bytes = read_file_or_gzip(path, [&](const Bytes& beginning) {
     const SpzHeader header = read_header(beginning, path);
-    const size_t length = sizeof header + header.count * bytes_each(header);
-    constexpr size_t equal = 1 << 20;  // no real scene has this many equal Gaussians
-    require_plausible_size(length, stored, path, equal);
-    return length + kMostBehind;
+    require_plausible_count(header, stored, path);
+    return sizeof header + header.count * bytes_each(header) + kMostBehind;
   });
   const SpzHeader header = read_header(bytes, path);
+  if (header.version == 4) bytes = unpack_frames(bytes, path);
   const size_t n = header.count, coefficients = coefficients_of(header);
   const size_t quat_bytes = quat_bytes_of(header), each = bytes_each(header);
   if ((bytes.size() - sizeof header) / each < n)

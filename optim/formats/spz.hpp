@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// .spz files (nianticlabs/spz), versions 2 and 3, gzipped or not.
+// .spz files (nianticlabs/spz), versions 2 and 3, gzipped or not, and 4.
 #pragma once
 #include "optim/formats/ply.hpp"
 

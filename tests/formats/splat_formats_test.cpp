@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of other programs are packed here from known Gaussians by the formats' descriptions;
 // reading must return these within half a quantisation step.
+#include <zstd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -442,32 +444,59 @@ struct Spz {
   uint8_t flags = 0;
 
   std::string bytes(SplatTable& table) const {
-    const size_t n = table.table.rows, coefficients = table.rest / 3;
+    const auto attributes = attributes_of(table);
     std::string out = "NGSP";
     append(out, version);
-    append(out, uint32_t(n));
-    const int degree = sh_degree_of(table.rest);
-    for (const int value : {degree, 12, int(flags), 0}) append(out, uint8_t(value));
+    append(out, uint32_t(table.table.rows));
+    const int degree = sh_degree_of(table.rest), frames = version < 4 ? 0 : int(attributes.size());
+    for (const int value : {degree, 12, int(flags), frames}) append(out, uint8_t(value));
+    if (version == 4) return out + in_frames(attributes);
+    for (const std::string& attribute : attributes) out += attribute;
+    return out;
+  }
+
+  // What follows the first 16 bytes in version 4. Extensions are between the header and the table.
+  static std::string in_frames(const std::vector<std::string>& attributes) {
+    const std::string extension = "8 bytes.";
+    std::string table, frames;
+    for (const std::string& attribute : attributes) {
+      std::string frame(ZSTD_compressBound(attribute.size()), '\0');
+      frame.resize(
+          ZSTD_compress(frame.data(), frame.size(), attribute.data(), attribute.size(), 3));
+      append(table, uint64_t(frame.size()));
+      append(table, uint64_t(attribute.size()));
+      frames += frame;
+    }
+    std::string out;
+    append(out, uint32_t(32 + extension.size()));
+    return out + std::string(12, '\0') + extension + table + frames;
+  }
+
+  // Without those that are empty.
+  std::vector<std::string> attributes_of(SplatTable& table) const {
+    const size_t n = table.table.rows, coefficients = table.rest / 3;
+    std::vector<std::string> attributes(coefficients ? 6 : 5);
     for (size_t i = 0; i < n; ++i)
       for (size_t k = 0; k < 3; ++k) {  // y and z are flipped
         const int32_t fixed = int32_t(std::lround(table.row(i).mean[k] * (k ? -4096.f : 4096.f)));
-        out.append(reinterpret_cast<const char*>(&fixed), 3);
+        attributes[0].append(reinterpret_cast<const char*>(&fixed), 3);
       }
     for (size_t i = 0; i < n; ++i)
-      append(out, uint8_t(unorm(opacity_of_logit(*table.row(i).logit_opacity), 8)));
+      append(attributes[1], uint8_t(unorm(opacity_of_logit(*table.row(i).logit_opacity), 8)));
     for (size_t i = 0; i < n; ++i)
       for (size_t k = 0; k < 3; ++k)
-        append(out, uint8_t(unorm(0.15 * table.row(i).sh0[k] + 0.5, 8)));
+        append(attributes[2], uint8_t(unorm(0.15 * table.row(i).sh0[k] + 0.5, 8)));
     for (size_t i = 0; i < n; ++i)
       for (size_t k = 0; k < 3; ++k)
-        append(out, uint8_t(std::lround(16 * (table.row(i).log_scales[k] + 10))));
-    for (size_t i = 0; i < n; ++i) append_quat(out, table.row(i).quat);
+        append(attributes[3], uint8_t(std::lround(16 * (table.row(i).log_scales[k] + 10))));
+    for (size_t i = 0; i < n; ++i) append_quat(attributes[4], table.row(i).quat);
     for (size_t i = 0; i < n; ++i)
       for (size_t c = 0; c < coefficients; ++c)
         for (size_t k = 0; k < 3; ++k)
-          append(out, uint8_t(std::lround(128 + 128 * sign(c) *
-                                                    table.row(i).sh_rest[k * coefficients + c])));
-    return out;
+          append(attributes[5],
+                 uint8_t(std::lround(128 +
+                                     128 * sign(c) * table.row(i).sh_rest[k * coefficients + c])));
+    return attributes;
   }
 
   // Sign of a coefficient after the flip: its polynomial's number of factors y and z.
@@ -498,7 +527,7 @@ struct Spz {
 
 TEST(Spz, IsReadToThePrecisionOfItsBytesAndTurned) {
   const TemporaryFolder folder;
-  for (const uint32_t version : {2u, 3u})
+  for (const uint32_t version : {2u, 3u, 4u})
     for (const int degree : {0, 1, 2, 3}) {
       SplatTable table = random_splats(40, degree);
       const std::string bytes = Spz{version}.bytes(table);
@@ -506,6 +535,7 @@ TEST(Spz, IsReadToThePrecisionOfItsBytesAndTurned) {
       // step.
       const Tolerance tolerance{1.3e-4, 0.032, version == 2 ? 0.07 : 2e-3, 4e-3, 2e-3, 4.1e-3};
       expect_near(table, read_splats(folder.write("a.spz", bytes)), tolerance);
+      if (version == 4) continue;
       write_file_atomically(folder.file("b.spz"), gzip(bytes));
       EXPECT_EQ(read_splats(folder.file("b.spz")).values, read_splats(folder.file("a.spz")).values);
     }
@@ -519,8 +549,8 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
                {"a.spz", "truncated", "4 Gaussians"});
   expect_error([&] { read_splats(folder.write("b.spz", bytes.substr(0, 9))); },
                {"b.spz", "truncated"});
-  expect_error([&] { read_splats(folder.write("c.spz", Spz{4}.bytes(table))); },
-               {"c.spz", "version 4", "2 and 3"});
+  expect_error([&] { read_splats(folder.write("c.spz", Spz{5}.bytes(table))); },
+               {"c.spz", "version 5", "2 to 4", "as a PLY"});
   std::string huge = bytes;
   huge.replace(8, 4, "\xff\xff\xff\xff");
   expect_error([&] { read_splats(folder.write("d.spz", huge)); }, {"d.spz", "4294967295"});
@@ -544,6 +574,33 @@ TEST(Spz, RefusesOtherVersionsAndTruncatedOnes) {
   std::memcpy(&bomb[8], &thousand, sizeof thousand);
   write_file_atomically(folder.file("f.spz"), gzip(bomb.substr(0, 100000)));
   EXPECT_EQ(read_splats(folder.file("f.spz")).rows, thousand);
+}
+
+TEST(Spz, RefusesDamagedFrames) {
+  const TemporaryFolder folder;
+  SplatTable table = random_splats(40, 0);
+  const std::string bytes = Spz{4}.bytes(table);
+  const auto with = [&](size_t at, auto value) {
+    std::string other = bytes;
+    std::memcpy(&other[at], &value, sizeof value);
+    return folder.write("a.spz", other);
+  };
+  constexpr size_t entries = 40, entry = 16;  // behind header and extension
+  for (const size_t length : {size_t{20}, entries + 5 * entry - 1})
+    expect_error([&] { read_splats(folder.write("a.spz", bytes.substr(0, length))); },
+                 {"a.spz", "truncated", "table of frames"});
+  for (const uint32_t table_at : {0u, 31u, 0xffffffffu})
+    expect_error([&] { read_splats(with(16, table_at)); }, {"a.spz", "table of frames"});
+  for (const size_t half : {0, 8})
+    for (const uint64_t size : {uint64_t(bytes.size()), ~uint64_t{0}})
+      expect_error([&] { read_splats(with(entries + entry + half, size)); },
+                   {"a.spz", "frame 2 of 5"});
+  expect_error([&] { read_splats(with(entries + 5 * entry + 6, ~uint32_t{0})); },
+               {"a.spz", "frame 1 of 5"});
+  expect_error([&] { read_splats(with(entries + 8, uint64_t{359})); }, {"a.spz", "frame 1 of 5"});
+  expect_error([&] { read_splats(with(15, uint8_t{4})); }, {"a.spz"});
+  expect_error([&] { read_splats(with(8, uint32_t{41})); }, {"a.spz", "truncated", "41 Gaussians"});
+  expect_error([&] { read_splats(with(8, ~uint32_t{0})); }, {"a.spz", "would decompress to"});
 }
 
 // --- any format
