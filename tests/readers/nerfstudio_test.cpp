@@ -130,6 +130,22 @@ TEST(Nerfstudio, TimesMakeStepsAndPointsAreWhereTheFileSays) {
   EXPECT_NE(grey.notices[0].find("have no colours"), std::string::npos) << grey.notices[0];
 }
 
+TEST(Nerfstudio, SparsePcIsUsedWithoutAnEntryUnlessOtherPointsAreGiven) {
+  const TemporaryFolder folder;
+  make_nerfstudio(folder, joined({frame(1, R"(, "time": 0)"), frame(2, R"(, "time": 1)")}));
+  write_point_cloud(folder.file("other.ply"), {{1, 2, 3}, {4, 5, 6}});
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.points.size(), 0u);
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("other.ply are not used"), std::string::npos);
+  write_point_cloud(folder.file("sparse_pc.ply"), {{1, 2, 3, 4, 5, 6}, {1, 2, 3, 4, 5, 6}});
+  scene = read_scene(folder.path());
+  EXPECT_EQ(scene.points.size(), 2u);
+  EXPECT_TRUE(scene.notices.empty());
+  write_point_cloud(folder.file("points3D.ply"), {{7, 8, 9}, {4, 5, 6}});
+  EXPECT_EQ(read_scene(folder.path()).points.size(), 1u);
+}
+
 // transforms.json may be turned, moved and scaled against the model it was made from.
 TEST(Nerfstudio, PointsOfColmapAreMovedToTheWorldOfTheFrames) {
   for (const char* sparse : {"sparse/0", "sparse", "colmap/sparse/0", "colmap_sparse/0"}) {

@@ -75,6 +75,7 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   add_truth(folder, "test", interval, scene.test);
   add_truth(folder, "val", interval, scene.val);
   scene.points = points_beside(folder, files, scene);
+  if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   for (auto* split : {&scene.train, &scene.test, &scene.val}) find_tracks(scene, *split);
   return scene;
 }

@@ -289,6 +289,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   scene.layout = "n3v";
   const std::vector<Camera> all = read_cameras(folder, footage, scene);
   scene.points = read_points(folder, all, scene.notices);
+  if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   // Before the steps that all cameras have: one to skip may be too short.
   const std::vector<bool> skipped = skipped_cameras(all, options.skip_cameras);
   std::vector<Footage> used;

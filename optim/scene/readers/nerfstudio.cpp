@@ -65,10 +65,14 @@ void split_frames(const std::string& folder, const Transforms& file, int test_ev
     (test_every > 0 && i % size_t(test_every) == 0 ? scene.test : scene.train).push_back(frames[i]);
 }
 
-// nerfstudio moves the points of 'ply_file_path' to the world of the frames (its
-// applied_transform).
+// nerfstudio moves the points of 'ply_file_path', by default sparse_pc.ply, to the world of the
+// frames (its applied_transform). Files that lost that entry have these points still.
 PointCloud points_of(const std::string& folder, const Transforms& file, Scene& scene) {
-  if (!file.json.contains("ply_file_path")) return points_beside(folder, file.path, scene);
+  const std::string unnamed = first_existing(folder, {"sparse_pc.ply"});
+  const bool is_named = file.json.contains("ply_file_path");
+  if (!is_named && !unnamed.empty() && find_points_ply(folder).empty())
+    return read_point_cloud(unnamed);
+  if (!is_named) return points_beside(folder, file.path, scene);
   const std::string relative = text(file.json["ply_file_path"], "'ply_file_path' of " + file.path);
   return read_point_cloud(path_inside(folder, relative, file.path));
 }
@@ -104,6 +108,7 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   const std::vector<double> times = distinct_times(scene.train);
   scene.steps = int(times.size());
   scene.points = points_of(folder, file, scene);
+  if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   for (auto* split : {&scene.train, &scene.test, &scene.val}) {
     set_steps(times, *split);
     if (options.times == Times::files) find_tracks(scene, *split);

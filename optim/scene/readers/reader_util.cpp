@@ -73,6 +73,17 @@ std::string end_of_path_inside(const std::string& folder, const fs::path& path) 
   return "";
 }
 
+// Whether a PLY has vertices with positions. A damaged file has none: nothing depends on it.
+bool has_points(const std::string& path) {
+  try {
+    const std::vector<std::string> names = ply_vertex_properties(path);
+    const auto has = [&](const char* name) { return std::count(names.begin(), names.end(), name); };
+    return has("x") && has("y") && has("z");
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 }  // namespace
@@ -270,14 +281,30 @@ int find_or_add(std::vector<Camera>& cameras, const Camera& camera) {
 }
 
 std::string find_points_ply(const std::string& folder) {
-  return first_existing(folder, {"points3D.ply", "points3d.ply", "points_t0.ply", "fused.ply"});
+  return first_existing(folder, {"points3D.ply", "points3d.ply", "points_t0.ply", "fused.ply",
+                                 "points3D_multipleview.ply", "points3D_downsample2.ply"});
+}
+
+void report_other_points(const std::string& folder, std::vector<std::string>& notices) {
+  const auto is_ply = [](const auto& entry) { return is_file_with(entry, {".ply"}); };
+  const std::vector<std::string> names = list(folder, is_ply);
+  const auto other = std::find_if(names.begin(), names.end(), [&](const std::string& name) {
+    return has_points(join(folder, name));
+  });
+  if (other != names.end())
+    notices.push_back(
+        fmt::format("the points of {} are not used: rename it to points3D.ply to start from them, "
+                    "if they are in the world of the cameras",
+                    join(folder, *other)));
 }
 
 PointCloud find_points(const std::string& folder, std::vector<std::string>& notices) {
   const std::string ply = find_points_ply(folder);
   if (!ply.empty()) return read_point_cloud(ply);
   const std::string model = find_colmap_model(join(folder, "sparse"), notices);
-  return model.empty() ? PointCloud{} : read_colmap_points(model);
+  if (!model.empty()) return read_colmap_points(model);
+  report_other_points(folder, notices);
+  return {};
 }
 
 std::vector<double> distinct_times(const std::vector<Frame>& frames) {

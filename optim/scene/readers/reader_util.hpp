@@ -89,11 +89,15 @@ Camera fitted_to(Camera camera, int width, int height, const std::string& source
 // new.
 int find_or_add(std::vector<Camera>& cameras, const Camera& camera);
 
-// The first of points3D.ply, points3d.ply, points_t0.ply, fused.ply in the folder, or empty.
+// The first of the folder's point clouds with a known name: points3D.ply, points3d.ply,
+// points_t0.ply, fused.ply, points3D_multipleview.ply, points3D_downsample2.ply; or empty.
 std::string find_points_ply(const std::string& folder);
 
+// For a scene without points: a notice if the folder has a PLY of points with another name.
+void report_other_points(const std::string& folder, std::vector<std::string>& notices);
+
 // Initial points of a scene: find_points_ply, else those of the COLMAP model in sparse/; empty if
-// there are none.
+// there are none (report_other_points).
 PointCloud find_points(const std::string& folder, std::vector<std::string>& notices);
 
 // The distinct times of the frames in increasing order.
