@@ -43,13 +43,10 @@ std::vector<size_t> cameras_named(const std::vector<Camera>& cameras, const std:
     if (cameras[i].name == name || without_image_extension(cameras[i].name) == name)
       found.push_back(i);
   if (!found.empty()) return found;
-  constexpr size_t most = 20;
-  std::string names;
-  for (size_t i = 0; i < std::min(cameras.size(), most); ++i)
-    names += (i ? ", " : "") + cameras[i].name;
-  if (cameras.size() > most) names += fmt::format(" and {} more", cameras.size() - most);
-  throw Error(
-      fmt::format("{} names camera '{}', but the scene has {}", setting, excerpt(name), names));
+  std::vector<std::string> names;
+  for (const Camera& camera : cameras) names.push_back(camera.name);
+  throw Error(fmt::format("{} names camera '{}', but the scene has {}", setting, excerpt(name),
+                          short_list(names, 20)));
 }
 
 double offset_of(const std::string& text, const std::string& entry) {

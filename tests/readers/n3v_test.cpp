@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
+#include <map>
 
 #include "optim/formats/npy.hpp"
 #include "optim/scene/scene.hpp"
@@ -30,6 +31,13 @@ void make_n3v(const TemporaryFolder& folder) {
     for (int k = 0; k < 2; ++k)
       make_png(folder, fmt::format("cam{:02}/images/{:04}.png", c, k), 8, 6, 3, c + 3 * k);
   make_poses(folder, 3);
+}
+
+// The place of each camera, from its row: (row, 0, 0).
+std::map<std::string, double> rows_of_cameras(const Scene& scene) {
+  std::map<std::string, double> rows;
+  for (const Camera& one : scene.cameras) rows[one.name] = one.position().x();
+  return rows;
 }
 
 }  // namespace
@@ -115,6 +123,39 @@ TEST(N3v, OneImageACameraIsAStaticSceneOfTheSmallestSize) {
   EXPECT_EQ(read_scene(folder.path(), options).cameras[0].width, 16);
   options.images = "images_8";
   expect_error([&] { read_scene(folder.path(), options); }, {"no images", "images_8"});
+}
+
+TEST(N3v, RowsAreInTheOrderOfNamesAsText) {
+  const std::string notice =
+      "row i of poses_bounds.npy belongs to the i-th camera in the order of "
+      "text, as LLFF writes it: ";
+  const TemporaryFolder stills, folders, videos;
+  for (const int k : {1, 2, 10}) {
+    make_png(stills, fmt::format("images/image{}.png", k));
+    make_png(folders, fmt::format("cam{}/images/0.png", k));
+    make_mp4(videos.file(fmt::format("cam{}.mp4", k)), {pattern(8, 6)}, 20);
+  }
+  for (const TemporaryFolder* folder : {&stills, &folders, &videos}) {
+    make_poses(*folder, 3);
+    const std::string prefix = folder == &stills ? "image" : "cam";
+    const Scene scene = read_scene(folder->path());
+    EXPECT_EQ(
+        rows_of_cameras(scene),
+        (std::map<std::string, double>{{prefix + "1", 0}, {prefix + "10", 1}, {prefix + "2", 2}}));
+    EXPECT_EQ(scene.cameras[1].name, prefix + "2");  // shown by number
+    ASSERT_EQ(scene.notices.size(), 1u);
+    EXPECT_EQ(scene.notices[0], fmt::format("{}{}1, {}10, {}2", notice, prefix, prefix, prefix));
+  }
+}
+
+// "a-b.png" is before "a.png", though "a" is before "a-b".
+TEST(N3v, RowsAreInTheOrderOfFileNamesWithTheirExtension) {
+  const TemporaryFolder folder;
+  for (const char* name : {"images/a.png", "images/a-b.png"}) make_png(folder, name);
+  make_poses(folder, 2);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(rows_of_cameras(scene), (std::map<std::string, double>{{"a-b", 0}, {"a", 1}}));
+  EXPECT_TRUE(scene.notices.empty());
 }
 
 TEST(N3v, TrueFlowAndDepthAreFound) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plenoptic video (N3V) scenes. Each row of poses_bounds.npy is a 3x5 matrix [R | t | h w f] and
-// two depths; the columns of R are the camera's down, right and backward axes (LLFF). Row i belongs
-// to the i-th camera by name. Only time steps that all cameras have are used.
+// Plenoptic video (N3V) scenes, with poses of LLFF (llff_poses.hpp). Only time steps that all
+// cameras have are used.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -10,12 +9,12 @@
 #include <filesystem>
 #include <map>
 
-#include "optim/formats/npy.hpp"
 #include "optim/images/image_header.hpp"
 #include "optim/images/video.hpp"
 #include "optim/scene/align_points.hpp"
 #include "optim/scene/camera_settings.hpp"
 #include "optim/scene/readers/colmap_points.hpp"
+#include "optim/scene/readers/llff_poses.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "runtime/base/error.hpp"
@@ -29,6 +28,7 @@ constexpr double n3v_fps = 30;  // of the N3V recordings
 // Images of one camera by step key: a file stem, or the number of a video frame.
 struct Footage {
   std::string name;
+  std::string file;  // name of its folder, image or video
   int width = 0, height = 0;
   std::map<std::string, std::string> images;  // stem -> path
   std::string video;                          // replaces images if not empty
@@ -39,7 +39,7 @@ struct Footage {
 
 Footage from_images(const std::string& name, const std::string& folder) {
   Footage footage;
-  footage.name = name;
+  footage.name = footage.file = name;
   for (const std::string& file : list_images(folder))
     footage.images[stem(file)] = join(folder, file);
   const ImageHeader header = read_image_header(footage.images.begin()->second);
@@ -53,6 +53,7 @@ Footage from_video(const std::string& name, const std::string& path) {
   const VideoInfo info = video_info(path);
   Footage footage;
   footage.name = name;
+  footage.file = fs::path(path).filename().string();
   footage.width = info.width;
   footage.height = info.height;
   footage.video = path;
@@ -106,6 +107,7 @@ std::vector<Footage> still_footage(const std::string& folder, const SceneOptions
     const ImageHeader header = read_image_header(path);
     Footage one;
     one.name = stem(file);
+    one.file = file;
     one.width = header.width;
     one.height = header.height;
     one.images["0000"] = path;
@@ -114,13 +116,14 @@ std::vector<Footage> still_footage(const std::string& folder, const SceneOptions
   return footage;
 }
 
-Camera camera_of(const double* row, size_t i, const Footage& footage, const std::string& path) {
-  const auto at = [&](int r, int c) { return row[5 * r + c]; };
+Camera camera_of(const LlffPoses& poses, size_t row, const Footage& footage) {
+  const double* const values = poses.row(row);
+  const auto at = [&](int r, int c) { return values[5 * r + c]; };
   Eigen::Matrix3d rotation;
   for (int r = 0; r < 3; ++r) rotation.row(r) << at(r, 1), at(r, 0), -at(r, 2);
-  const std::string what = fmt::format("row {} of {}", i, path);
+  const std::string what = fmt::format("row {} of {}", row, poses.path);
   for (int k = 0; k < 15; ++k)
-    if (!std::isfinite(row[k])) throw Error(what + " contains NaN or Inf");
+    if (!std::isfinite(values[k])) throw Error(what + " contains NaN or Inf");
   const double height = at(0, 4), width = at(1, 4), focal = at(2, 4);
   if (!(height >= 1 && height < 1e6 && width >= 1 && width < 1e6 && focal > 0))
     throw Error(fmt::format("{} has height {}, width {} and focal length {}: all must be positive",
@@ -134,34 +137,35 @@ Camera camera_of(const double* row, size_t i, const Footage& footage, const std:
   camera.cy = 0.5 * height;
   camera.viewmat = viewmat_from_pose(rotation, Eigen::Vector3d(at(0, 3), at(1, 3), at(2, 3)), what);
   const std::string image = footage.video.empty() ? footage.images.begin()->second : footage.video;
-  return fitted_to(camera, footage.width, footage.height, path, image);
+  return fitted_to(camera, footage.width, footage.height, poses.path, image);
 }
 
-// Reads the cameras, and sets the depth range of the scene from all of them.
-std::vector<Camera> read_cameras(const std::string& folder, const std::vector<Footage>& footage,
-                                 Scene& scene) {
-  const std::string path = join(folder, "poses_bounds.npy");
-  const Array poses = read_npy(path);
-  if (poses.shape.size() != 2 || poses.shape[1] != 17)
-    throw Error(fmt::format("{} has shape {}, expected (cameras, 17)", path, poses.shape_text()));
-  if (poses.shape[0] != footage.size())
-    throw Error(fmt::format("{} has {} cameras, but the folder has images or videos of {}", path,
-                            poses.shape[0], footage.size()));
-  const std::vector<double> values = poses.as_double();
-  std::vector<Camera> cameras;
-  for (size_t i = 0; i < footage.size(); ++i)
-    cameras.push_back(camera_of(&values[17 * i], i, footage[i], path));
-  for (size_t i = 0; i < footage.size(); ++i) {
-    const double near = values[17 * i + 15], far = values[17 * i + 16];
-    if (near == 0 && far == 0) return cameras;  // unknown
-    if (!(near > 0 && far > near && std::isfinite(far)))
-      throw Error(fmt::format(
-          "row {} of {} has depth bounds {} and {}: expected 0 < near < far, or 0 and 0 if unknown",
-          i, path, near, far));
-    scene.near = i ? std::min(scene.near, near) : near;
-    scene.far = std::max(scene.far, far);
-  }
-  return cameras;
+// Widens the depth range of the scene by that of a row. False if it is unknown.
+bool add_depths(const LlffPoses& poses, size_t row, Scene& scene) {
+  const double near = poses.row(row)[15], far = poses.row(row)[16];
+  if (near == 0 && far == 0) return false;
+  if (!(near > 0 && far > near && std::isfinite(far)))
+    throw Error(fmt::format(
+        "row {} of {} has depth bounds {} and {}: expected 0 < near < far, or 0 and 0 if unknown",
+        row, poses.path, near, far));
+  scene.near = scene.far > 0 ? std::min(scene.near, near) : near;
+  scene.far = std::max(scene.far, far);
+  return true;
+}
+
+// The row of each camera.
+std::vector<size_t> rows_of(const LlffPoses& poses, const std::string& folder,
+                            const std::vector<Footage>& footage,
+                            std::vector<std::string>& notices) {
+  if (poses.rows != footage.size())
+    throw Error(fmt::format("{} has {} cameras, but {} has images or videos of {}", poses.path,
+                            poses.rows, folder, footage.size()));
+  std::vector<LlffCamera> cameras;
+  for (const Footage& one : footage) cameras.push_back({one.name, one.file});
+  const std::vector<size_t> order = order_of_rows(poses, cameras, notices);
+  std::vector<size_t> rows(footage.size());
+  for (size_t row = 0; row < order.size(); ++row) rows[order[row]] = row;
+  return rows;
 }
 
 // Stems common to all cameras with images, in natural order; "0000", "0001", ... if all are videos.
@@ -287,7 +291,12 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
                             options.holdout, folder, n - 1));
   Scene scene;
   scene.layout = "n3v";
-  const std::vector<Camera> all = read_cameras(folder, footage, scene);
+  const LlffPoses poses = read_llff_poses(join(folder, "poses_bounds.npy"));
+  const std::vector<size_t> rows = rows_of(poses, folder, footage, scene.notices);
+  std::vector<Camera> all;
+  for (size_t i = 0; i < footage.size(); ++i) all.push_back(camera_of(poses, rows[i], footage[i]));
+  for (const size_t row : rows)
+    if (!add_depths(poses, row, scene)) break;
   scene.points = read_points(folder, all, scene.notices);
   if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   // Before the steps that all cameras have: one to skip may be too short.

@@ -3,6 +3,7 @@
 #include "optim/scene/readers/reader_util.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -134,6 +135,13 @@ std::vector<std::string> list_folders(const std::string& folder) {
 
 std::vector<std::string> list_videos(const std::string& folder) {
   return list(folder, [](const auto& e) { return is_file_with(e, video_extensions); });
+}
+
+std::string short_list(const std::vector<std::string>& names, size_t most) {
+  const size_t shown = std::min(names.size(), most);
+  std::string text = fmt::format("{}", fmt::join(names.begin(), names.begin() + long(shown), ", "));
+  if (names.size() > most) text += fmt::format(" and {} more", names.size() - most);
+  return text;
 }
 
 std::string with_slashes(std::string path) {

@@ -22,6 +22,9 @@ std::vector<std::string> list_videos(const std::string& folder);  // .mp4 .avi .
 // Natural order: digits compare as numbers, "cam2" < "cam10".
 bool natural_less(const std::string& a, const std::string& b);
 
+// "a, b, c and 5 more": at most so many names of a list, for messages.
+std::string short_list(const std::vector<std::string>& names, size_t most);
+
 // A path with slashes for the backslashes of programs on Windows.
 std::string with_slashes(std::string path);
 
