@@ -18,11 +18,12 @@ std::vector<double> row(double x) {
           0, 0, -1, 0, 10, 0.5, 9};
 }
 
-void make_poses(const TemporaryFolder& folder, size_t cameras) {
+void make_poses(const TemporaryFolder& folder, size_t cameras,
+                const std::string& name = "poses_bounds.npy") {
   std::vector<double> values;
   for (size_t i = 0; i < cameras; ++i)
     for (double value : row(double(i))) values.push_back(value);
-  write_npy(folder.file("poses_bounds.npy"), {{cameras, 17}, values});
+  write_npy(folder.file(name), {{cameras, 17}, values});
 }
 
 // Three cameras with images of two time steps.
@@ -156,6 +157,42 @@ TEST(N3v, RowsAreInTheOrderOfFileNamesWithTheirExtension) {
   const Scene scene = read_scene(folder.path());
   EXPECT_EQ(rows_of_cameras(scene), (std::map<std::string, double>{{"a-b", 0}, {"a", 1}}));
   EXPECT_TRUE(scene.notices.empty());
+}
+
+// Its script copies the first images as image1.jpg, image2.jpg, ..., which LLFF sorts as text.
+TEST(N3v, TheMultipleviewLayoutOf4dgaussiansIsRead) {
+  const TemporaryFolder folder;
+  for (const int k : {1, 2, 10})
+    for (const int frame : {1, 2})
+      make_png(folder, fmt::format("cam{:02}/frame_{:05}.png", k, frame));
+  make_poses(folder, 3, "poses_bounds_multipleview.npy");
+  folder.write("sparse_/cameras.txt", "7 SIMPLE_PINHOLE 8 6 10 4 3\n");
+  folder.write("sparse_/images.txt", "1 1 0 0 0 -4 0 0 7 image1.jpg\n\n");
+  folder.write("sparse_/points3D.txt", "1 2 4 6 10 20 30 0.1\n");
+  Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "n3v");
+  EXPECT_EQ(scene.steps, 2);
+  EXPECT_EQ(rows_of_cameras(scene),
+            (std::map<std::string, double>{{"cam01", 0}, {"cam10", 1}, {"cam02", 2}}));
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_EQ(scene.notices[0],
+            "row i of poses_bounds_multipleview.npy belongs to the i-th camera by its number as "
+            "text, as the script of 4DGaussians writes it: cam01, cam10, cam02");
+  EXPECT_EQ(scene.points.xyz, (std::vector<double>{2, 4, 6}));
+  write_point_cloud(folder.file("points3D_multipleview.ply"), {{1, 2, 3, 4, 5, 6}, {}});
+  EXPECT_EQ(read_scene(folder.path()).points.size(), 2u);
+  make_poses(folder, 3);  // preferred
+  EXPECT_EQ(rows_of_cameras(read_scene(folder.path())),
+            (std::map<std::string, double>{{"cam01", 0}, {"cam02", 1}, {"cam10", 2}}));
+}
+
+TEST(N3v, AVideoIsPreferredToImagesBesideIt) {
+  const TemporaryFolder folder;
+  for (const char* name : {"cam00.mp4", "cam01.mp4"})
+    make_mp4(folder.file(name), std::vector<Image>(3, pattern(8, 6)), 20);
+  make_png(folder, "cam00/thumbnail.png");
+  make_poses(folder, 2);
+  EXPECT_EQ(read_scene(folder.path()).steps, 3);
 }
 
 TEST(N3v, TrueFlowAndDepthAreFound) {

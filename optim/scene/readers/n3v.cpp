@@ -65,17 +65,29 @@ Footage from_video(const std::string& name, const std::string& path) {
 
 bool starts_with_cam(const std::string& name) { return name.compare(0, 3, "cam") == 0; }
 
-// camNN/images/ or camNN.mp4, by name; images are preferred if a camera has both.
+// The folder with the images of camera folder camNN: options.images or images in it, else, if it
+// is no video's, camNN itself (4DGaussians); empty if there are none.
+std::string image_folder_of_camera(const std::string& folder, const std::string& name,
+                                   const std::string& images, bool has_video) {
+  const std::string camera = join(folder, name);
+  const std::string inner = join(camera, images.empty() ? "images" : images);
+  if (!list_images(inner).empty()) return inner;
+  return images.empty() && !has_video && !list_images(camera).empty() ? camera : "";
+}
+
+// Images or a video per camera, by name; images/ is preferred if a camera has both.
 std::vector<Footage> moving_footage(const std::string& folder, const SceneOptions& options) {
-  const std::string sub = options.images.empty() ? "images" : options.images;
   std::map<std::string, std::string> image_folders, videos;
-  for (const std::string& name : list_folders(folder)) {
-    const std::string path = join(join(folder, name), sub);
-    if (starts_with_cam(name) && !list_images(path).empty()) image_folders[name] = path;
-  }
   for (const std::string& name : list_videos(folder))
-    if (starts_with_cam(name) && !image_folders.count(stem(name)))
-      videos[stem(name)] = join(folder, name);
+    if (starts_with_cam(name)) videos[stem(name)] = join(folder, name);
+  for (const std::string& name : list_folders(folder)) {
+    if (!starts_with_cam(name)) continue;
+    const std::string images =
+        image_folder_of_camera(folder, name, options.images, videos.count(name) > 0);
+    if (images.empty()) continue;
+    image_folders[name] = images;
+    videos.erase(name);
+  }
   std::vector<std::string> names;
   for (const auto& entry : image_folders) names.push_back(entry.first);
   for (const auto& entry : videos) names.push_back(entry.first);
@@ -241,10 +253,16 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
 // A COLMAP model of the same cameras may have its own world, as in the published recordings. Its
 // points are then aligned to the world of poses_bounds.npy, by three images or more that are named
 // like cameras, else by the order of the images if there are as many as cameras.
-PointCloud read_points(const std::string& folder, const std::vector<Camera>& cameras,
-                       std::vector<std::string>& notices) {
+// That of 4DGaussians in sparse_/ has the world of poses_bounds_multipleview.npy.
+PointCloud read_points(const std::string& folder, const LlffPoses& poses,
+                       const std::vector<Camera>& cameras, std::vector<std::string>& notices) {
   const std::string ply = find_points_ply(folder);
   if (!ply.empty()) return read_point_cloud(ply);
+  if (poses.is_multipleview())
+    if (const std::string model = find_colmap_model(join(folder, "sparse_"), notices);
+        !model.empty())
+      return read_colmap_points(model);
+  const std::string poses_file = fs::path(poses.path).filename().string();
   const std::string folder_of_model = find_colmap_model(join(folder, "sparse"), notices);
   if (folder_of_model.empty()) return {};
   if (!is_colmap_model(folder_of_model)) return read_colmap_points(folder_of_model);
@@ -257,8 +275,8 @@ PointCloud read_points(const std::string& folder, const std::vector<Camera>& cam
     if (model.images.size() != cameras.size() || cameras.size() < 2) {
       notices.push_back(
           fmt::format("the points of COLMAP model {} are used as they are: its images are not "
-                      "named like the cameras of poses_bounds.npy",
-                      folder_of_model));
+                      "named like the cameras of {}",
+                      folder_of_model, poses_file));
       return model.points;
     }
     from.clear();
@@ -268,36 +286,39 @@ PointCloud read_points(const std::string& folder, const std::vector<Camera>& cam
   if (align_points(model.points, from, to)) return model.points;
   notices.push_back(
       fmt::format("the points of COLMAP model {} are not used: its cameras do not agree with those "
-                  "of poses_bounds.npy",
-                  folder_of_model));
+                  "of {}",
+                  folder_of_model, poses_file));
   return {};
+}
+
+Error no_images(const std::string& folder, const LlffPoses& poses, const SceneOptions& options) {
+  const std::string images = options.images.empty() ? "images" : options.images;
+  return Error(fmt::format("{} has {} but no images: looked for camNN/{}/, {}camNN.mp4 and {}/",
+                           folder, fs::path(poses.path).filename().string(), images,
+                           options.images.empty() ? "camNN/, " : "", images));
 }
 
 }  // namespace
 
-bool is_n3v(const std::string& folder) { return fs::exists(join(folder, "poses_bounds.npy")); }
+bool is_n3v(const std::string& folder) { return !find_llff_poses(folder).empty(); }
 
 Scene read_n3v(const std::string& folder, const SceneOptions& options) {
+  const LlffPoses poses = read_llff_poses(find_llff_poses(folder));
   std::vector<Footage> footage = moving_footage(folder, options);
   if (footage.empty()) footage = still_footage(folder, options);
-  if (footage.empty())
-    throw Error(fmt::format(
-        "{} has poses_bounds.npy but no images: looked for camNN/{}/, camNN.mp4 and {}/", folder,
-        options.images.empty() ? "images" : options.images,
-        options.images.empty() ? "images" : options.images));
+  if (footage.empty()) throw no_images(folder, poses, options);
   const int n = int(footage.size());
   if (options.holdout < -1 || options.holdout >= n)
     throw Error(fmt::format("scene.holdout is {}, but {} has cameras 0 to {} (-1: no test camera)",
                             options.holdout, folder, n - 1));
   Scene scene;
   scene.layout = "n3v";
-  const LlffPoses poses = read_llff_poses(join(folder, "poses_bounds.npy"));
   const std::vector<size_t> rows = rows_of(poses, folder, footage, scene.notices);
   std::vector<Camera> all;
   for (size_t i = 0; i < footage.size(); ++i) all.push_back(camera_of(poses, rows[i], footage[i]));
   for (const size_t row : rows)
     if (!add_depths(poses, row, scene)) break;
-  scene.points = read_points(folder, all, scene.notices);
+  scene.points = read_points(folder, poses, all, scene.notices);
   if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   // Before the steps that all cameras have: one to skip may be too short.
   const std::vector<bool> skipped = skipped_cameras(all, options.skip_cameras);

@@ -18,10 +18,10 @@ Scene read_video_file(const std::string& path, const SceneOptions& options);
 bool is_blender(const std::string& folder);
 Scene read_blender(const std::string& folder, const SceneOptions& options);
 
-// Plenoptic video / N3V: poses_bounds.npy with camNN/images/ (preferred) or camNN.mp4, or with one
-// image per camera in images/ or images_N/: options.images, else the smallest images (the largest
-// N). Camera options.holdout is the test camera. Points of a COLMAP model are aligned to the
-// poses, and dropped if that fails.
+// Plenoptic video / N3V: poses_bounds.npy (or 4DGaussians' poses_bounds_multipleview.npy) with
+// camNN/images/ (preferred), camNN.mp4 or images in camNN/, or with one image per camera in images/
+// or images_N/: options.images, else the smallest images (the largest N). Camera options.holdout is
+// the test camera. Points of a COLMAP model are aligned to the poses, and dropped if that fails.
 bool is_n3v(const std::string& folder);
 Scene read_n3v(const std::string& folder, const SceneOptions& options);
 
