@@ -23,18 +23,6 @@ std::string trimmed(const std::string& text) {
   return text.substr(first, text.find_last_not_of(" \t") + 1 - first);
 }
 
-// The entries of a list separated by commas, without blanks around them.
-std::vector<std::string> entries_of(const std::string& list) {
-  std::vector<std::string> entries;
-  for (size_t at = 0; at <= list.size();) {
-    const size_t end = std::min(list.find(',', at), list.size());
-    const std::string entry = trimmed(list.substr(at, end - at));
-    if (!entry.empty()) entries.push_back(entry);
-    at = end + 1;
-  }
-  return entries;
-}
-
 // Indices of the cameras of a name: a moving camera has one for each pose. Error if there is none.
 std::vector<size_t> cameras_named(const std::vector<Camera>& cameras, const std::string& name,
                                   const char* setting) {
@@ -60,6 +48,17 @@ double offset_of(const std::string& text, const std::string& entry) {
 }
 
 }  // namespace
+
+std::vector<std::string> entries_of(const std::string& list) {
+  std::vector<std::string> entries;
+  for (size_t at = 0; at <= list.size();) {
+    const size_t end = std::min(list.find(',', at), list.size());
+    const std::string entry = trimmed(list.substr(at, end - at));
+    if (!entry.empty()) entries.push_back(entry);
+    at = end + 1;
+  }
+  return entries;
+}
 
 std::vector<bool> skipped_cameras(const std::vector<Camera>& cameras, const std::string& list) {
   std::vector<bool> skipped(cameras.size());

@@ -9,6 +9,9 @@
 
 namespace gflow {
 
+// The entries of a list separated by commas, without blanks around them.
+std::vector<std::string> entries_of(const std::string& list);
+
 // Whether each camera is in a list of names separated by commas. Error if there is no camera of a
 // name, or if none is left.
 std::vector<bool> skipped_cameras(const std::vector<Camera>& cameras, const std::string& list);

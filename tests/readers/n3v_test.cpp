@@ -242,7 +242,7 @@ TEST(N3v, ScenesThatContradictThemselvesAreRefused) {
   make_n3v(folder);
   const auto read = [&] { read_scene(folder.path()); };
   make_poses(folder, 4);
-  expect_error(read, {"poses_bounds.npy", "4 cameras", "of 3"});
+  expect_error(read, {"poses_bounds.npy has 4 rows", "of 3 cameras (cam00, cam01, cam02)"});
   write_npy(folder.file("poses_bounds.npy"), {{3, 16}, std::vector<double>(48)});
   expect_error(read, {"(3, 16)", "(cameras, 17)"});
   std::vector<double> values;
@@ -312,6 +312,47 @@ TEST(N3v, CamerasMayBeLeftOut) {
                {"scene.skip_cameras names camera 'cam2'", "has cam00, cam01, cam02"});
   options.skip_cameras = "cam00,cam01,cam02";
   expect_error([&] { read_scene(folder.path(), options); }, {"leaves no camera"});
+}
+
+TEST(N3v, RowsOfCamerasWithoutVideoAreLeftOutByTheirNames) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  make_poses(folder, 5);
+  SceneOptions options;
+  options.skip_cameras = "cam005, cam01,cam02b";  // as text: cam00, cam005, cam01, cam02, cam02b
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(rows_of_cameras(scene), (std::map<std::string, double>{{"cam00", 0}, {"cam02", 3}}));
+  ASSERT_EQ(scene.notices.size(), 3u);
+  EXPECT_NE(scene.notices[0].find("cam00, cam005, cam01, cam02, cam02b"), std::string::npos);
+  EXPECT_EQ(scene.notices[1],
+            "row 1 of poses_bounds.npy is left out as that of cam005, which has no images");
+  EXPECT_EQ(scene.notices[2],
+            "row 4 of poses_bounds.npy is left out as that of cam02b, which has no images");
+  options.skip_cameras = "cam01,cam5";
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"has 5 rows", "of 3 cameras (cam00, cam01, cam02)", "scene.skip_cameras"});
+}
+
+TEST(N3v, CamerasWithoutARowAreLeftOutByTheirNames) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  make_poses(folder, 2);
+  SceneOptions options;
+  options.skip_cameras = "cam00";
+  const Scene scene = read_scene(folder.path(), options);
+  EXPECT_EQ(rows_of_cameras(scene), (std::map<std::string, double>{{"cam01", 0}, {"cam02", 1}}));
+  ASSERT_EQ(scene.notices.size(), 2u);
+  EXPECT_EQ(scene.notices[0],
+            "poses_bounds.npy is taken to have no row for cam00, left out by scene.skip_cameras: "
+            "its rows belong to the other cameras");
+  EXPECT_NE(scene.notices[1].find("leaves out the test camera cam00"), std::string::npos);
+}
+
+TEST(N3v, OfManyCamerasAnErrorNamesTheFirst) {
+  const TemporaryFolder folder;
+  for (int c = 0; c < 14; ++c) make_png(folder, fmt::format("cam{:02}/images/0.png", c));
+  make_poses(folder, 15);
+  expect_error([&] { read_scene(folder.path()); }, {"cam11 and 2 more)"});
 }
 
 TEST(N3v, CamerasOutOfSyncAreShiftedInTime) {

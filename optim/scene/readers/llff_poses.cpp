@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "optim/formats/npy.hpp"
+#include "optim/scene/camera_settings.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "runtime/base/error.hpp"
 
@@ -27,21 +28,9 @@ std::string text_of(const LlffPoses& poses, const LlffCamera& camera) {
   return "image" + number.substr(first) + ".jpg";
 }
 
-}  // namespace
+std::string file_name(const std::string& path) { return fs::path(path).filename().string(); }
 
-bool LlffPoses::is_multipleview() const { return fs::path(path).filename() == multipleview_name; }
-
-std::string find_llff_poses(const std::string& folder) {
-  return first_existing(folder, {"poses_bounds.npy", multipleview_name});
-}
-
-LlffPoses read_llff_poses(const std::string& path) {
-  const Array array = read_npy(path);
-  if (array.shape.size() != 2 || array.shape[1] != 17)
-    throw Error(fmt::format("{} has shape {}, expected (cameras, 17)", path, array.shape_text()));
-  return {path, array.shape[0], array.as_double()};
-}
-
+// Indices of the cameras in the order of the rows.
 std::vector<size_t> order_of_rows(const LlffPoses& poses, const std::vector<LlffCamera>& cameras,
                                   std::vector<std::string>& notices) {
   std::vector<std::string> texts;
@@ -60,9 +49,85 @@ std::vector<size_t> order_of_rows(const LlffPoses& poses, const std::vector<Llff
                               ? "by its number as text, as the script of 4DGaussians writes it"
                               : "in the order of text, as LLFF writes it";
   notices.push_back(fmt::format("row i of {} belongs to the i-th camera {}: {}",
-                                fs::path(poses.path).filename().string(), how,
-                                short_list(names, most_named)));
+                                file_name(poses.path), how, short_list(names, most_named)));
   return order;
+}
+
+// Adds the cameras of a list that are not among the others, as if their files were named alike.
+void add_absent(const std::string& list, std::vector<LlffCamera>& cameras) {
+  const std::string ending = cameras[0].file.substr(cameras[0].name.size());
+  for (const std::string& name : entries_of(list))
+    if (std::none_of(cameras.begin(), cameras.end(),
+                     [&](const LlffCamera& camera) { return camera.name == name; }))
+      cameras.push_back({name, name + ending});
+}
+
+std::vector<bool> skipped_of(const std::vector<LlffCamera>& cameras, const std::string& list) {
+  std::vector<Camera> named;
+  for (const LlffCamera& camera : cameras) named.emplace_back().name = camera.name;
+  return skipped_cameras(named, list);
+}
+
+Error unequal(const LlffPoses& poses, const std::string& folder,
+              const std::vector<LlffCamera>& found) {
+  std::vector<std::string> names;
+  for (const LlffCamera& camera : found) names.push_back(camera.name);
+  return Error(
+      fmt::format("{} has {} rows, one per camera, but {} has images or videos of {} cameras ({}): "
+                  "scene.skip_cameras must name the cameras that have only one of the two",
+                  poses.path, poses.rows, folder, found.size(), short_list(names, most_named)));
+}
+
+}  // namespace
+
+bool LlffPoses::is_multipleview() const { return fs::path(path).filename() == multipleview_name; }
+
+std::string find_llff_poses(const std::string& folder) {
+  return first_existing(folder, {"poses_bounds.npy", multipleview_name});
+}
+
+LlffPoses read_llff_poses(const std::string& path) {
+  const Array array = read_npy(path);
+  if (array.shape.size() != 2 || array.shape[1] != 17)
+    throw Error(fmt::format("{} has shape {}, expected (cameras, 17)", path, array.shape_text()));
+  return {path, array.shape[0], array.as_double()};
+}
+
+LlffRows assign_rows(const LlffPoses& poses, const std::string& folder,
+                     const std::vector<LlffCamera>& found, const std::string& skip,
+                     std::vector<std::string>& notices) {
+  std::vector<LlffCamera> cameras = found;
+  if (poses.rows != found.size()) add_absent(skip, cameras);
+  const std::vector<bool> skipped = skipped_of(cameras, skip);
+  std::vector<LlffCamera> with_row;
+  std::vector<size_t> places;  // in `cameras`
+  std::vector<std::string> without;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    if (poses.rows != cameras.size() && skipped[i]) {
+      without.push_back(cameras[i].name);
+      continue;
+    }
+    with_row.push_back(cameras[i]);
+    places.push_back(i);
+  }
+  if (with_row.size() != poses.rows) throw unequal(poses, folder, found);
+  if (!without.empty())
+    notices.push_back(
+        fmt::format("{} is taken to have no row for {}, left out by "
+                    "scene.skip_cameras: its rows belong to the other cameras",
+                    file_name(poses.path), short_list(without, most_named)));
+  LlffRows result{std::vector<int>(found.size(), -1), skipped};
+  result.skipped.resize(found.size());
+  const std::vector<size_t> order = order_of_rows(poses, with_row, notices);
+  for (size_t row = 0; row < order.size(); ++row) {
+    const size_t camera = places[order[row]];
+    if (camera < found.size())
+      result.rows[camera] = int(row);
+    else
+      notices.push_back(fmt::format("row {} of {} is left out as that of {}, which has no images",
+                                    row, file_name(poses.path), cameras[camera].name));
+  }
+  return result;
 }
 
 }  // namespace gflow

@@ -23,17 +23,27 @@ std::string find_llff_poses(const std::string& folder);
 // Error if the file does not have 17 columns.
 LlffPoses read_llff_poses(const std::string& path);
 
-// A camera that has a row.
+// A camera of which there are images or a video.
 struct LlffCamera {
   std::string name;  // cam01
   std::string file;  // its folder, image or video, by which LLFF sorts: cam01.mp4
 };
 
-// The indices of the cameras in the order of the rows: LLFF (imgs2poses.py) sorts names as text, so
-// that cam10 is before cam2. 4DGaussians' script gives it copies of the images of cam01, cam02, ...
-// as image1.jpg, image2.jpg, ..., so that cam10 is before cam02. A notice if the order of the
-// numbers differs.
-std::vector<size_t> order_of_rows(const LlffPoses& poses, const std::vector<LlffCamera>& cameras,
-                                  std::vector<std::string>& notices);
+// For each camera: its row, -1 if it has none, and whether it is to be left out.
+struct LlffRows {
+  std::vector<int> rows;
+  std::vector<bool> skipped;
+};
+
+// LLFF (imgs2poses.py) sorts the files as text, so that cam10 is before cam2. 4DGaussians' script
+// gives it copies of the images of cam01, cam02, ... as image1.jpg, image2.jpg, ..., so that cam10
+// is before cam02. A notice if the order of the numbers differs.
+//
+// The cameras of `skip`, a list of names separated by commas, may be the reason why there are more
+// rows than cameras or fewer: those that are not in `folder` but have a row, or the opposite. Error
+// if the numbers differ still.
+LlffRows assign_rows(const LlffPoses& poses, const std::string& folder,
+                     const std::vector<LlffCamera>& found, const std::string& skip,
+                     std::vector<std::string>& notices);
 
 }  // namespace gflow

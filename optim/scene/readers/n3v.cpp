@@ -165,21 +165,6 @@ bool add_depths(const LlffPoses& poses, size_t row, Scene& scene) {
   return true;
 }
 
-// The row of each camera.
-std::vector<size_t> rows_of(const LlffPoses& poses, const std::string& folder,
-                            const std::vector<Footage>& footage,
-                            std::vector<std::string>& notices) {
-  if (poses.rows != footage.size())
-    throw Error(fmt::format("{} has {} cameras, but {} has images or videos of {}", poses.path,
-                            poses.rows, folder, footage.size()));
-  std::vector<LlffCamera> cameras;
-  for (const Footage& one : footage) cameras.push_back({one.name, one.file});
-  const std::vector<size_t> order = order_of_rows(poses, cameras, notices);
-  std::vector<size_t> rows(footage.size());
-  for (size_t row = 0; row < order.size(); ++row) rows[order[row]] = row;
-  return rows;
-}
-
 // Stems common to all cameras with images, in natural order; "0000", "0001", ... if all are videos.
 std::vector<std::string> common_steps(const std::vector<Footage>& footage,
                                       const std::string& folder) {
@@ -313,23 +298,26 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
                             options.holdout, folder, n - 1));
   Scene scene;
   scene.layout = "n3v";
-  const std::vector<size_t> rows = rows_of(poses, folder, footage, scene.notices);
+  std::vector<LlffCamera> found;
+  for (const Footage& one : footage) found.push_back({one.name, one.file});
+  const auto [rows, skipped] =
+      assign_rows(poses, folder, found, options.skip_cameras, scene.notices);
   std::vector<Camera> all;
-  for (size_t i = 0; i < footage.size(); ++i) all.push_back(camera_of(poses, rows[i], footage[i]));
-  for (const size_t row : rows)
-    if (!add_depths(poses, row, scene)) break;
-  scene.points = read_points(folder, poses, all, scene.notices);
-  if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   // Before the steps that all cameras have: one to skip may be too short.
-  const std::vector<bool> skipped = skipped_cameras(all, options.skip_cameras);
   std::vector<Footage> used;
   int test_camera = -1;
-  for (size_t i = 0; i < all.size(); ++i) {
+  bool has_depths = true;
+  for (size_t i = 0; i < footage.size(); ++i) {
+    if (rows[i] < 0) continue;
+    all.push_back(camera_of(poses, size_t(rows[i]), footage[i]));
+    has_depths = has_depths && add_depths(poses, size_t(rows[i]), scene);
     if (skipped[i]) continue;
     if (int(i) == options.holdout) test_camera = int(used.size());
     used.push_back(footage[i]);
-    scene.cameras.push_back(all[i]);
+    scene.cameras.push_back(all.back());
   }
+  scene.points = read_points(folder, poses, all, scene.notices);
+  if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   footage = used;
   scene.fps = footage[0].fps;
   const std::vector<std::string> steps = common_steps(footage, folder);
@@ -345,7 +333,7 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   if (options.holdout >= 0 && test_camera < 0)
     scene.notices.push_back(
         fmt::format("scene.skip_cameras leaves out the test camera {}: there are no test views",
-                    all[size_t(options.holdout)].name));
+                    found[size_t(options.holdout)].name));
   return scene;
 }
 
