@@ -159,6 +159,29 @@ TEST(N3v, RowsAreInTheOrderOfFileNamesWithTheirExtension) {
   EXPECT_TRUE(scene.notices.empty());
 }
 
+TEST(N3v, ImagesThatViewImgsDoesNotNameAreLeftOut) {
+  const TemporaryFolder folder;
+  for (const char* name : {"a", "b 1", "c", "d"}) {
+    make_png(folder, fmt::format("images/{}.png", name));
+    make_png(folder, fmt::format("images_2/{}.png", name), 4, 3);
+  }
+  folder.write("view_imgs.txt", "b 1.JPG\r\n\r\nimages/d.JPG");
+  make_poses(folder, 2);
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(rows_of_cameras(scene), (std::map<std::string, double>{{"b 1", 0}, {"d", 1}}));
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("2 of 4 images in"), std::string::npos) << scene.notices[0];
+  EXPECT_NE(scene.notices[0].find("view_imgs.txt"), std::string::npos) << scene.notices[0];
+  make_png(folder, "images_4/image000.png", 4, 3);
+  expect_error([&] { read_scene(folder.path()); },
+               {"view_imgs.txt names none of the images in", "images_4", "scene.images"});
+  std::filesystem::remove_all(folder.file("images_4"));
+  make_poses(folder, 4);  // all have poses, whatever the list says
+  EXPECT_EQ(read_scene(folder.path()).cameras.size(), 4u);
+  make_poses(folder, 3);
+  expect_error([&] { read_scene(folder.path()); }, {"has 3 rows", "2 cameras (b 1, d)"});
+}
+
 // Its script copies the first images as image1.jpg, image2.jpg, ..., which LLFF sorts as text.
 TEST(N3v, TheMultipleviewLayoutOf4dgaussiansIsRead) {
   const TemporaryFolder folder;

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <filesystem>
 #include <numeric>
+#include <set>
 
 #include "optim/formats/npy.hpp"
 #include "optim/scene/camera_settings.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/files/text_file.hpp"
 
 namespace gflow {
 namespace fs = std::filesystem;
@@ -29,6 +31,18 @@ std::string text_of(const LlffPoses& poses, const LlffCamera& camera) {
 }
 
 std::string file_name(const std::string& path) { return fs::path(path).filename().string(); }
+
+// The names in a list of one image per line, without extension.
+std::set<std::string> stems_in(const std::string& path) {
+  const std::string text = read_text_or_empty(path);
+  std::set<std::string> stems;
+  for (std::string_view rest = text; !rest.empty();) {
+    std::string line(take_line(rest));
+    line.erase(line.find_last_not_of(" \t\r") + 1);
+    if (!line.empty()) stems.insert(stem(with_slashes(line)));
+  }
+  return stems;
+}
 
 // Indices of the cameras in the order of the rows.
 std::vector<size_t> order_of_rows(const LlffPoses& poses, const std::vector<LlffCamera>& cameras,
@@ -91,6 +105,28 @@ LlffPoses read_llff_poses(const std::string& path) {
   if (array.shape.size() != 2 || array.shape[1] != 17)
     throw Error(fmt::format("{} has shape {}, expected (cameras, 17)", path, array.shape_text()));
   return {path, array.shape[0], array.as_double()};
+}
+
+std::vector<std::string> images_with_poses(const LlffPoses& poses, const std::string& image_folder,
+                                           const std::vector<std::string>& images,
+                                           std::vector<std::string>& notices) {
+  const std::string list = (fs::path(poses.path).parent_path() / "view_imgs.txt").string();
+  if (images.size() == poses.rows || !fs::exists(list)) return images;
+  const std::set<std::string> named = stems_in(list);
+  std::vector<std::string> kept;
+  for (const std::string& image : images)
+    if (named.count(stem(image))) kept.push_back(image);
+  if (kept.empty() && !images.empty())
+    throw Error(
+        fmt::format("{} names none of the images in {}: expected a folder with the images that "
+                    "{} was made from, which scene.images selects",
+                    list, image_folder, file_name(poses.path)));
+  if (kept.size() < images.size())
+    notices.push_back(
+        fmt::format("{} of {} images in {} are left out: view_imgs.txt, which lists "
+                    "those with a pose, does not name them",
+                    images.size() - kept.size(), images.size(), image_folder));
+  return kept;
 }
 
 LlffRows assign_rows(const LlffPoses& poses, const std::string& folder,

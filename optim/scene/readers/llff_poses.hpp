@@ -23,6 +23,13 @@ std::string find_llff_poses(const std::string& folder);
 // Error if the file does not have 17 columns.
 LlffPoses read_llff_poses(const std::string& path);
 
+// For one image per camera: the images that view_imgs.txt names, which some versions of
+// imgs2poses.py write because COLMAP may not have found poses for all. All images if there are as
+// many as rows, or no such file. `images` are names in `image_folder`.
+std::vector<std::string> images_with_poses(const LlffPoses& poses, const std::string& image_folder,
+                                           const std::vector<std::string>& images,
+                                           std::vector<std::string>& notices);
+
 // A camera of which there are images or a video.
 struct LlffCamera {
   std::string name;  // cam01

@@ -111,10 +111,12 @@ std::string still_folder(const std::string& folder, const SceneOptions& options)
 }
 
 // One image per camera: a static scene of one step.
-std::vector<Footage> still_footage(const std::string& folder, const SceneOptions& options) {
+std::vector<Footage> still_footage(const std::string& folder, const SceneOptions& options,
+                                   const LlffPoses& poses, std::vector<std::string>& notices) {
   std::vector<Footage> footage;
   const std::string image_folder = still_folder(folder, options);
-  for (const std::string& file : list_images(image_folder)) {
+  for (const std::string& file :
+       images_with_poses(poses, image_folder, list_images(image_folder), notices)) {
     const std::string path = join(image_folder, file);
     const ImageHeader header = read_image_header(path);
     Footage one;
@@ -289,15 +291,15 @@ bool is_n3v(const std::string& folder) { return !find_llff_poses(folder).empty()
 
 Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   const LlffPoses poses = read_llff_poses(find_llff_poses(folder));
+  Scene scene;
+  scene.layout = "n3v";
   std::vector<Footage> footage = moving_footage(folder, options);
-  if (footage.empty()) footage = still_footage(folder, options);
+  if (footage.empty()) footage = still_footage(folder, options, poses, scene.notices);
   if (footage.empty()) throw no_images(folder, poses, options);
   const int n = int(footage.size());
   if (options.holdout < -1 || options.holdout >= n)
     throw Error(fmt::format("scene.holdout is {}, but {} has cameras 0 to {} (-1: no test camera)",
                             options.holdout, folder, n - 1));
-  Scene scene;
-  scene.layout = "n3v";
   std::vector<LlffCamera> found;
   for (const Footage& one : footage) found.push_back({one.name, one.file});
   const auto [rows, skipped] =
