@@ -69,6 +69,59 @@ TEST(Nerfies, AnIdWithFoldersIsANameWithout) {
   EXPECT_EQ(read_scene(folder.path()).test.at(0).name, "sub_3");
 }
 
+TEST(Nerfies, SplitsOfDyCheckReplaceTheListsOfTheDataset) {
+  for (const char* test : {"val", "test"}) {
+    const TemporaryFolder folder;
+    make_nerfies(folder);
+    folder.write("splits/train.json", R"({"frame_names": ["000001", "000002"],
+        "camera_ids": [0, 0], "time_ids": [5, 9]})");
+    folder.write(fmt::format("splits/{}.json", test), R"({"frame_names": ["000003"],
+        "camera_ids": [1], "time_ids": [6]})");
+    const Scene scene = read_scene(folder.path());
+    ASSERT_EQ(scene.train.size(), 2u);
+    ASSERT_EQ(scene.test.size(), 1u);
+    EXPECT_EQ(scene.train[0].name, "000001");
+    EXPECT_EQ(scene.train[1].name, "000002");
+    EXPECT_EQ(scene.train[1].time, 1);
+    EXPECT_EQ(scene.test[0].name, "000003");
+    EXPECT_EQ(scene.test[0].time, 0.25);  // (6 - 5) / (9 - 5)
+    ASSERT_EQ(scene.notices.size(), 1u);
+    EXPECT_NE(scene.notices[0].find("1 of the 4 images in 'ids' of"), std::string::npos);
+    EXPECT_NE(scene.notices[0].find("(000000)"), std::string::npos) << scene.notices[0];
+  }
+}
+
+TEST(Nerfies, SplitsThatContradictThemselvesAreRefused) {
+  const TemporaryFolder folder;
+  make_nerfies(folder);
+  const auto with = [&](const std::string& train) {
+    folder.write("splits/train.json", train);
+    read_scene(folder.path());
+  };
+  expect_error([&] { with("{}"); }, {"splits/train.json", "no 'frame_names'"});
+  expect_error([&] { with(R"({"frame_names": [], "time_ids": []})"); },
+               {"'frame_names' of", "splits/train.json is empty"});
+  expect_error([&] { with(R"({"frame_names": ["000001"], "time_ids": [1, 2]})"); },
+               {"'time_ids' of", "splits/train.json", "1 finite numbers"});
+  expect_error([&] { with(R"({"frame_names": ["9"], "time_ids": [1]})"); },
+               {"'9'", "splits/train.json", "there is no"});
+  folder.write("splits/val.json", R"({"frame_names": ["000001"], "time_ids": [1]})");
+  expect_error([&] { with(R"({"frame_names": ["000001"], "time_ids": [1]})"); },
+               {"'000001' is listed in 'frame_names' of", "splits/val.json"});
+}
+
+TEST(Nerfies, ImagesInNoListAreReported) {
+  const TemporaryFolder folder;
+  make_nerfies(folder);
+  EXPECT_TRUE(read_scene(folder.path()).notices.empty());
+  folder.write("dataset.json", R"({"ids": ["000000", "000001", "000002", "000003"],
+      "train_ids": ["000000", "000002"], "val_ids": []})");
+  const Scene scene = read_scene(folder.path());
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("2 of the 4 images in 'ids' of"), std::string::npos);
+  EXPECT_NE(scene.notices[0].find("not used (000001, 000003)"), std::string::npos);
+}
+
 TEST(Nerfies, TheImagesAskedForAreUsed) {
   const TemporaryFolder folder;
   make_nerfies(folder);
@@ -107,9 +160,9 @@ TEST(Nerfies, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with("dataset.json", R"({"ids": []})"); }, {"no 'train_ids'"});
   expect_error([&] { with("dataset.json", R"({"train_ids": ["9"]})"); }, {"'9'", "there is no"});
   expect_error([&] { with("dataset.json", R"({"train_ids": ["000000", "000000"]})"); },
-               {"dataset.json", "'000000' in 'train_ids' and in 'train_ids'"});
+               {"dataset.json", "'000000' is listed in 'train_ids' of", "and in 'train_ids' of"});
   expect_error([&] { with("dataset.json", R"({"train_ids": ["000000"], "val_ids": ["000000"]})"); },
-               {"dataset.json", "'000000' in 'train_ids' and in 'val_ids'"});
+               {"dataset.json", "'000000' is listed in 'train_ids' of", "and in 'val_ids' of"});
   expect_error([&] { with("dataset.json", R"({"train_ids": [9]})"); },
                {"train_ids", "not a string"});
   expect_error([&] { with("dataset.json", R"({"train_ids": ["../1"]})"); }, {"relative path"});

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfies and HyperNeRF captures. In camera/ID.json, orientation is the world-to-camera rotation
 // with OpenCV axes and position the camera centre; focal_length, principal_point and distortion are
-// those of rgb/1x. The scene is centred and scaled: world = (stored - center) scale.
+// those of rgb/1x. The scene is centred and scaled: world = (stored - center) scale. DyCheck's
+// captures have lists in splits/, which replace those of dataset.json.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -99,6 +100,63 @@ double time_id(const Json& metadata, const std::string& id, const std::string& p
   throw Error(where + " has none of time_id, warp_id and appearance_id");
 }
 
+// The images of a split.
+struct ImageList {
+  std::string where;  // 'train_ids' of dataset.json
+  std::vector<std::string> ids;
+  std::vector<double> times;  // as many as ids; empty: those of metadata.json
+};
+
+ImageList list_of_dataset(const Json& dataset, const std::string& key, const std::string& path) {
+  const std::string where = fmt::format("'{}' of {}", key, path);
+  return {where, texts(member(dataset, key, path), where), {}};
+}
+
+// splits/train.json and the like: frame_names, time_ids, camera_ids. A time is the warp_id of
+// metadata.json; cameras need no number, as each image has its own pose.
+ImageList list_of_split(const std::string& path) {
+  const Json json = read_json(path);
+  ImageList list{fmt::format("'frame_names' of {}", path), {}, {}};
+  list.ids = texts(member(json, "frame_names", path), list.where);
+  list.times = numbers(member(json, "time_ids", path), list.ids.size(),
+                       fmt::format("'time_ids' of {}", path));
+  return list;
+}
+
+// The training and the test images.
+std::pair<ImageList, ImageList> read_lists(const std::string& folder, const Json& dataset,
+                                           const std::string& path) {
+  const std::string train = first_existing(folder, {"splits/train.json"});
+  if (train.empty())
+    return {list_of_dataset(dataset, "train_ids", path),
+            dataset.contains("val_ids") ? list_of_dataset(dataset, "val_ids", path) : ImageList{}};
+  const std::string test = first_existing(folder, {"splits/val.json", "splits/test.json"});
+  return {list_of_split(train), test.empty() ? ImageList{} : list_of_split(test)};
+}
+
+// Error if an image is listed twice. A notice if dataset.json has images that are in no list.
+void check_lists(const ImageList& train, const ImageList& test, const Json& dataset,
+                 const std::string& path, std::vector<std::string>& notices) {
+  std::map<std::string, std::string> owners;  // image -> its list
+  for (const ImageList* list : {&train, &test})
+    for (const std::string& id : list->ids)
+      if (const auto [owner, is_first] = owners.emplace(id, list->where); !is_first)
+        throw Error(
+            fmt::format("image '{}' is listed in {} and in {}; each image may be listed only once",
+                        excerpt(id), owner->second, list->where));
+  if (!dataset.contains("ids")) return;
+  const std::string where = fmt::format("'ids' of {}", path);
+  const std::vector<std::string> all = texts(dataset["ids"], where);
+  std::vector<std::string> unlisted;
+  for (const std::string& id : all)
+    if (!owners.count(id)) unlisted.push_back(excerpt(id));
+  if (!unlisted.empty())
+    notices.push_back(
+        fmt::format("{} of the {} images in {} are not used ({}): they are not in {}{}",
+                    unlisted.size(), all.size(), where, short_list(unlisted, 3), train.where,
+                    test.ids.empty() ? "" : " or " + test.where));
+}
+
 PointCloud read_points(const std::string& folder, const World& world) {
   const std::string path = join(folder, "points.npy");
   if (!fs::exists(path)) return {};
@@ -138,21 +196,19 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   scene.layout = "nerfies";
   scene.fps = 24;
-  std::map<std::string, const char*> owners;  // image -> its list
-  const auto read_split = [&](const char* key, std::vector<Frame>& frames) {
-    for (const std::string& id :
-         texts(member(dataset, key, dataset_path), fmt::format("'{}' of {}", key, dataset_path))) {
-      if (const auto [owner, is_first] = owners.emplace(id, key); !is_first)
-        throw Error(fmt::format(
-            "{} lists image '{}' in '{}' and in '{}'; each image may be listed only once",
-            dataset_path, excerpt(id), owner->second, key));
+  const auto [train, test] = read_lists(folder, dataset, dataset_path);
+  check_lists(train, test, dataset, dataset_path, scene.notices);
+  const auto read_split = [&](const ImageList& list, std::vector<Frame>& frames) {
+    for (size_t i = 0; i < list.ids.size(); ++i) {
+      const std::string& id = list.ids[i];
       Frame frame;
-      const std::string base = path_inside(image_folder, id, dataset_path);
+      const std::string base = path_inside(image_folder, id, list.where);
       frame.path = find_image(base);
       if (frame.path.empty())
-        throw Error(fmt::format("{} lists image '{}', but there is no {}.png (nor .jpg, ...)",
-                                dataset_path, id, base));
-      frame.time = time_id(metadata, id, metadata_path);
+        throw Error(
+            fmt::format("image '{}' is listed in {}, but there is no {}.png (nor .jpg, ...)",
+                        excerpt(id), list.where, base));
+      frame.time = list.times.empty() ? time_id(metadata, id, metadata_path) : list.times[i];
       frame.name = id;
       const ImageHeader header = read_image_header(frame.path);
       scene.has_alpha |= header.has_alpha;
@@ -163,11 +219,10 @@ Scene read_nerfies(const std::string& folder, const SceneOptions& options) {
       frames.push_back(frame);
     }
   };
-  read_split("train_ids", scene.train);
-  if (dataset.contains("val_ids")) read_split("val_ids", scene.test);
+  read_split(train, scene.train);
+  read_split(test, scene.test);
   if (scene.train.empty())
-    throw Error(
-        fmt::format("'train_ids' of {} is empty: there are no training images", dataset_path));
+    throw Error(fmt::format("{} is empty: there are no training images", train.where));
 
   double first = scene.train[0].time, last = first;
   for (const auto* split : {&scene.train, &scene.test})

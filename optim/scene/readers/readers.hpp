@@ -41,9 +41,10 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options);
 bool is_nerfstudio(const std::string& folder);
 Scene read_nerfstudio(const std::string& folder, const SceneOptions& options);
 
-// nerfies, HyperNeRF: dataset.json (train_ids, val_ids), metadata.json (time from time_id, warp_id
-// or appearance_id), scene.json (scale, center), camera/ID.json, rgb/Nx/ID.png (options.images,
-// else the largest images). val_ids are the test views.
+// nerfies, HyperNeRF, DyCheck: dataset.json (train_ids, val_ids) or splits/train.json and
+// splits/val.json, else splits/test.json (frame_names, time_ids), metadata.json (time from time_id,
+// warp_id or appearance_id), scene.json (scale, center), camera/ID.json, rgb/Nx/ID.png
+// (options.images, else the largest images). val_ids or splits/val.json are the test views.
 bool is_nerfies(const std::string& folder);
 Scene read_nerfies(const std::string& folder, const SceneOptions& options);
 
