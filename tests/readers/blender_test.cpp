@@ -64,6 +64,18 @@ TEST(Blender, ATurnedCameraStandsWhereItsPoseSays) {
   EXPECT_NEAR(pixel.y(), 3 - 4 / 2., 1e-9);
 }
 
+TEST(Blender, ATransformsFileThatIsNotReadIsReported) {
+  const TemporaryFolder folder;
+  make_blender(folder, frame("./train/a", "0", pose));
+  EXPECT_TRUE(read_scene(folder.path()).notices.empty());
+  folder.write("transforms.json", "");
+  const Scene scene = read_scene(folder.path());
+  EXPECT_EQ(scene.layout, "blender");
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("transforms.json of " + folder.path() + " is not read"),
+            std::string::npos);
+}
+
 TEST(Blender, EqualPosesAreOneCameraWithFlowPairsInTime) {
   const TemporaryFolder folder;
   make_blender(folder, frame("train/c", "1.0", pose) + "," +

@@ -76,6 +76,11 @@ Scene read_blender(const std::string& folder, const SceneOptions& options) {
   add_truth(folder, "val", interval, scene.val);
   scene.points = points_beside(folder, files, scene);
   if (scene.points.size() == 0) report_other_points(folder, scene.notices);
+  if (fs::exists(join(folder, "transforms.json")))
+    scene.notices.push_back(
+        fmt::format("transforms.json of {} is not read, because transforms_train.json is there: "
+                    "move that away to read transforms.json instead",
+                    folder));
   for (auto* split : {&scene.train, &scene.test, &scene.val}) find_tracks(scene, *split);
   return scene;
 }
