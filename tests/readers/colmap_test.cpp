@@ -347,7 +347,8 @@ TEST(Colmap, MasksHaveUsualNames) {
   options.test_every = 0;
   options.masks = Masks::ignore;
   for (const char* name : {"mask/left/mask_b.png", "masks/left/mask_b.png", "masks/left/b_mask.png",
-                           "masks/left/b.png", "masks/left/b.jpg.png", "masks/left/b.jpg"}) {
+                           "masks/left/b.png", "masks/left/b.jpg.mask.png", "masks/left/b.jpg.png",
+                           "masks/left/b.jpg"}) {
     make_png(folder, name, 8, 6, 1);  // each one wins over those before
     const Scene scene = read_scene(folder.path(), options);
     EXPECT_EQ(scene.train.at(0).mask_path, folder.file(name));

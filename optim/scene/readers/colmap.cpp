@@ -27,8 +27,8 @@ std::string image_file(const std::string& folder, const std::string& name,
   return find_image_of_any_case(without_image_extension(path));
 }
 
-// The folder of the images: images/, or input/, from which 3DGS's convert.py makes images/. Error if
-// it does not exist, with the folders that do.
+// The folder of the images: images/, or input/, from which 3DGS's convert.py makes images/. Error
+// if it does not exist, with the folders that do.
 std::string image_folder_of(const std::string& folder, const SceneOptions& options) {
   const std::string path = join(folder, options.images.empty() ? "images" : options.images);
   if (fs::is_directory(path)) return path;

@@ -24,8 +24,8 @@ std::string find_mask(const std::string& folder, const std::string& image,
       return fs::path(path).replace_filename(name).string();
     };
     const std::string name = path.stem().string();
-    for (const std::string& base :
-         {path.string(), beside(name), beside(name + "_mask"), beside("mask_" + name)})
+    for (const std::string& base : {path.string(), path.string() + ".mask", beside(name),
+                                    beside(name + "_mask"), beside("mask_" + name)})
       if (const std::string found = find_image(base); !found.empty()) return found;
   }
   return "";

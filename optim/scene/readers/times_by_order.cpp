@@ -61,7 +61,8 @@ void report_video_names(const std::vector<Frame>& frames, const std::string& sou
   constexpr size_t few = 8;  // photographs have numbers, too
   std::set<std::string> videos;
   for (const Frame& frame : frames) {
-    if (split_number(stem(frame.path)).number.empty()) return;
+    const Numbered name = split_number(stem(frame.path));
+    if (name.number.empty() || name.prefix.rfind("cam", 0) == 0) return;  // one image per camera
     videos.insert(video_of(frame.path));
   }
   if (frames.size() < few * std::max<size_t>(1, videos.size())) return;
