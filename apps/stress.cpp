@@ -134,7 +134,7 @@ void run_test(Queue& queue, const Test& test, bool quiet, Outcome& outcome) {
   }
   std::fflush(stdout);
   outcome.tests.push_back(
-      {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"figures", values}});
+      {{"test", test.id}, {"name", test.name}, {"seconds", seconds}, {"values", values}});
 }
 
 void run_derivatives(Queue& queue, Outcome& outcome) {

@@ -281,7 +281,7 @@ class Reader {
       for (const toml::node& variant : list(*node, "variant"))
         axes.back().choices.push_back(read_choice(table(variant, "[[variant]]")));
     }
-    std::set<std::string> names{"scene", "seed", "seeds", "run", "figures"};  // in every table
+    std::set<std::string> names{"scene", "seed", "seeds", "run", "metrics"};  // in every table
     for (const Metric& metric : all_metrics()) names.insert({metric.name, metric.label});
     for (const Axis& axis : axes)
       if (!names.insert(axis.name).second)

@@ -316,7 +316,7 @@ nlohmann::ordered_json Results::json() const {
     nlohmann::ordered_json row{{"scene", line.row.scene}};
     for (size_t a = 0; a < plan_.axes.size(); ++a) row[plan_.axes[a]] = line.row.choices[a];
     for (size_t m = 0; m < metrics_.size(); ++m)
-      row["figures"][metrics_[m].name] = {{"mean", or_null(line.cells[m].mean())},
+      row["metrics"][metrics_[m].name] = {{"mean", or_null(line.cells[m].mean())},
                                           {"std", or_null(line.cells[m].spread())},
                                           {"values", line.cells[m].values},
                                           {"no_model", line.cells[m].no_model}};

@@ -5,8 +5,10 @@
 #include "shared/view_rows.h"
 
 // After a view: adds up the norms of the loss gradients w.r.t. the splats' positions, in units of
-// half the image.
+// half the image. With some_ignored a zero gradient counts as not seen: the Gaussian may be in view
+// of pixels only that take no part in the loss.
 kernel void adc_accumulate(const uint n, const float half_width, const float half_height,
+                               const uint some_ignored,
                                global const uint* restrict rows,  // shared/view_rows.h
                                global const uint* restrict tiles_touched,  // [n]
                                global const float* restrict v_means2d,  // [n, 2] [1/px]
@@ -17,7 +19,7 @@ kernel void adc_accumulate(const uint n, const float half_width, const float hal
   const uint i = view_row(k, rows);
   const float2 v = vload2(k, v_means2d) * (float2)(half_width, half_height);
   const float norm = sqrt(dot(v, v));
-  if (!is_finite_real(norm)) return;
+  if (!is_finite_real(norm) || (some_ignored && norm == 0.f)) return;
   grad2d[i] += norm;
   views[i] += 1.f;
 }

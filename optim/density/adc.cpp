@@ -42,8 +42,8 @@ void AdcDensity::see(Queue& queue, const Parameters& p, const DensityView& view)
   if (p.count != grad2d_.size()) forget(queue, p.count);
   const size_t n = view.rows.count_of(p);
   adc_accumulate_(queue, Range::over(n), cl_uint(n), 0.5f * float(view.width),
-                  0.5f * float(view.height), view.rows.buffer(), view.tiles_touched, view.v_means2d,
-                  grad2d_, views_);
+                  0.5f * float(view.height), cl_uint(view.some_ignored), view.rows.buffer(),
+                  view.tiles_touched, view.v_means2d, grad2d_, views_);
 }
 
 void AdcDensity::reorder(Queue& queue, const Buffer<cl_uint>& source) {

@@ -30,7 +30,8 @@ class AdcDensity : public Density {
   void forget(Queue& queue, size_t count);
 
   Program program_;
-  Kernel<cl_uint, cl_float, cl_float, In<cl_uint>, In<cl_uint>, In<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_float, cl_float, cl_uint, In<cl_uint>, In<cl_uint>, In<float>, Out<float>,
+         Out<float>>
       adc_accumulate_;
   Kernel<cl_uint, cl_float, cl_float, cl_float, cl_float, cl_float, In<float>, In<float>, In<float>,
          In<float>, In<float>, Out<cl_uint>, Out<cl_uint>, Out<cl_uint>>

@@ -28,6 +28,7 @@ struct DensityView {
   RowList rows;                          // rows that the arrays below have entries for
   const Buffer<cl_uint>& tiles_touched;  // [n]
   const Buffer<float>& v_means2d;        // [n, 2] [1/px]
+  bool some_ignored = false;             // pixels take no part in the losses
 };
 
 // The last training step.

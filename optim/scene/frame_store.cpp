@@ -259,7 +259,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
         check_size(frame.image->width, frame.image->height, scene.cameras[size_t(frame.camera)],
                    frame.path);
       const Camera& camera = scene.cameras[size_t(frame.camera)];
-      if (!frame.image) {
+      if (!frame.image && !frame.path.empty()) {
         const ImageHeader header = read_image_header(frame.path);
         check_size(header.width, header.height, camera, frame.path);
       }

@@ -52,12 +52,12 @@ Population::Population(Queue& queue, const TrainOptions& config, const Scene& sc
       static_detection_(static_detection_for(queue, config, scene, model.parameters)) {}
 
 void Population::see(Queue& queue, const Renderer& renderer, const Shot& shot, int width,
-                     int height) {
+                     int height, bool some_ignored) {
   const Buffer<cl_uint>& tiles_touched = renderer.engine().splats().tiles_touched;
   if (density_)
-    density_->see(
-        queue, model_.parameters,
-        {width, height, renderer.rows().list(), tiles_touched, renderer.gradients().v_means2d});
+    density_->see(queue, model_.parameters,
+                  {width, height, renderer.rows().list(), tiles_touched,
+                   renderer.gradients().v_means2d, some_ignored});
   if (!static_detection_) return;
   const float t2 = model_.time(shot.time_t2);
   const GaussianGradients& g = renderer.gradients();

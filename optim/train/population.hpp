@@ -22,8 +22,10 @@ class Population {
 
   // Whether after_step() needs Gaussians outside the image.
   bool needs_all_posed() const { return density_ && density_->needs_all_posed(); }
-  // After the gradients of a view, which may be a part of an image of width x height.
-  void see(Queue& queue, const Renderer& renderer, const Shot& shot, int width, int height);
+  // After the gradients of a view, which may be a part of an image of width x height. some_ignored:
+  // pixels of it take no part in the losses.
+  void see(Queue& queue, const Renderer& renderer, const Shot& shot, int width, int height,
+           bool some_ignored);
   // Adds the regularisers of density control to the gradients; before Adam.
   void add_gradients(Queue& queue);
   // After Adam of training step `step`, from 0, whose last view is in `renderer`; position_rate:

@@ -72,14 +72,15 @@ void Trainer::step(Queue& queue, int step) {
   view_pass_.run_novel_views(queue, context, [&](const Shot& shot) {
     untouched_ = false;
     const PinholeCamera& camera = shot.view.camera;
-    population.see(queue, renderer(), shot, camera.width, camera.height);
+    population.see(queue, renderer(), shot, camera.width, camera.height, false);
   });
   int in_batch = 0;
   for (const Sample& sample : samples) {
     view_pass_.run(queue, context, sample, in_batch++, population.needs_all_posed());
     untouched_ = false;
     const Camera& camera = in_.frames.camera(*sample.frame);
-    population.see(queue, renderer(), renderer().shot(), camera.width, camera.height);
+    const bool some_ignored = in_.scene.masks_ignore && !sample.frame->mask_path.empty();
+    population.see(queue, renderer(), renderer().shot(), camera.width, camera.height, some_ignored);
   }
   untouched_ = false;
   const bool warming = sampler_.curriculum().warming(step);

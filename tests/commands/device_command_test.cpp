@@ -158,7 +158,7 @@ TEST(StressCommand, WritesTheValuesThatItPrints) {
   const std::string shown = in_one_line(outcome.out);
   size_t rows = 0;
   for (const json& test : told["tests"])
-    for (const json& row : test["figures"]) {
+    for (const json& row : test["values"]) {
       ++rows;
       EXPECT_TRUE(row["passed"]) << row;
       EXPECT_LE(row["figure"], row["bound"]) << row;

@@ -81,10 +81,10 @@ TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
       EXPECT_NE(contents(path + "/config.toml").find(std::string("seed = ") + seed),
                 std::string::npos);
     }
-    EXPECT_NEAR(row["figures"]["psnr"]["mean"].get<double>(), sum / 2, 1e-12);
-    EXPECT_NEAR(row["figures"]["psnr"]["std"].get<double>(),
+    EXPECT_NEAR(row["metrics"]["psnr"]["mean"].get<double>(), sum / 2, 1e-12);
+    EXPECT_NEAR(row["metrics"]["psnr"]["std"].get<double>(),
                 std::sqrt(std::max(0.0, squares - sum * sum / 2)), 1e-6);
-    EXPECT_EQ(row["figures"]["psnr"]["values"].size(), 2u);
+    EXPECT_EQ(row["metrics"]["psnr"]["values"].size(), 2u);
   }
   const std::string markdown = contents(out("/table.md"));
   EXPECT_NE(markdown.find("# A test, of choices"), std::string::npos);
@@ -117,10 +117,10 @@ TEST_F(Experiment, MetricsOfSomeStepsOfTheVideo) {
     for (const char* view : {"cam00_0001", "cam00_0002"})
       mean += views[view]["psnr"].get<double>() / 4;
   }
-  EXPECT_NEAR(row["figures"]["psnr@1-2"]["mean"], mean, 1e-9);
-  EXPECT_NE(row["figures"]["psnr@1-2"]["mean"], row["figures"]["psnr"]["mean"]);
+  EXPECT_NEAR(row["metrics"]["psnr@1-2"]["mean"], mean, 1e-9);
+  EXPECT_NE(row["metrics"]["psnr@1-2"]["mean"], row["metrics"]["psnr"]["mean"]);
   EXPECT_NE(contents(out("/table.md")).find("PSNR [dB], steps 1 to 2"), std::string::npos);
-  EXPECT_TRUE(row["figures"]["psnr@3-9"]["mean"].is_null());  // there is no step 9
+  EXPECT_TRUE(row["metrics"]["psnr@3-9"]["mean"].is_null());  // there is no step 9
 }
 
 TEST_F(Experiment, ImagesOfAViewAtSomeSteps) {
@@ -188,7 +188,7 @@ TEST_F(Experiment, OddNamesBaselinesOfAGroupAndShorterRows) {
       << markdown;
   EXPECT_NE(markdown.find("| o'clock | 0.2 | it's \\| all | "), std::string::npos) << markdown;
   const Json rows = read(out("/table.json"))["rows"];
-  const auto psnr = [&](size_t row) { return rows[row]["figures"]["psnr"]["mean"].get<double>(); };
+  const auto psnr = [&](size_t row) { return rows[row]["metrics"]["psnr"]["mean"].get<double>(); };
   for (const size_t base : {0, 2})  // each row against the one above, of the same weight
     EXPECT_NE(markdown.find(fmt::format("({:+.2f})", psnr(base + 1) - psnr(base))),
               std::string::npos)
@@ -250,7 +250,7 @@ TEST_F(Experiment, ANetworkThatIsNotGivenIsNotPassedOver) {
     GTEST_SKIP() << "built without OpenCV's dnn module";
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_EQ(contents(run("small-on-seed0") + "/metrics.jsonl"), log);
-  const Json lpips = read(out("/table.json"))["rows"][1]["figures"]["lpips"];
+  const Json lpips = read(out("/table.json"))["rows"][1]["metrics"]["lpips"];
   EXPECT_EQ(lpips["values"].size(), 2u);
   EXPECT_GT(lpips["mean"], 0);
   EXPECT_EQ(cell_of(contents(out("/table.md")), "CLIP", 0), "no model given");

@@ -64,7 +64,7 @@ class AdcField {
   }
 
   // A view of 20 x 10 pixels with a gradient of grad2d / 10 per pixel along x.
-  void see(float factor = 1, const RowList& rows = {}) {
+  void see(float factor = 1, const RowList& rows = {}, bool some_ignored = false) {
     std::vector<uint32_t> tiles;
     std::vector<float> v_means2d;
     for (const Made& m : made_) {
@@ -73,7 +73,7 @@ class AdcField {
     }
     const Buffer<cl_uint> touched(queue, tiles, "tiles");
     const Buffer<float> v(queue, v_means2d, "v_means2d");
-    density.see(queue, parameters, {20, 10, rows, touched, v});
+    density.see(queue, parameters, {20, 10, rows, touched, v, some_ignored});
   }
   void refine(uint32_t seed = 1) { density.refine(queue, parameters, motion, rule, seed); }
 
@@ -115,6 +115,17 @@ TEST(Adc, KeepsWhatIsSeenAndLeftInPeace) {
   field.refine();
   EXPECT_EQ(field.sources(), (std::vector<int>{0, 1, 2}));
   EXPECT_EQ(field.values("means"), before);
+}
+
+// In two views a Gaussian has the gradients 1.5 and 0. Where pixels are ignored, the mean is 1.5.
+TEST(Adc, AViewOfIgnoredPixelsOnlyIsNoView) {
+  for (const bool some_ignored : {false, true}) {
+    AdcField field({with_grad2d(1.5f)});
+    field.see(1, {}, some_ignored);
+    field.see(0, {}, some_ignored);
+    field.refine();
+    EXPECT_EQ(field.sources().size(), some_ignored ? 2u : 1u);
+  }
 }
 
 TEST(Adc, RemovesTheFaintTheHugeAndTheNeverVisible) {
