@@ -215,7 +215,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   render.settings = engine_settings(source.config);
   const float level = float(shown_level(source.config.scene.background)) / 255;
   render.background = {level, level, level};
-  render.near = source.config.render.near;
+  if (source.config.render.near > 0) render.near = source.config.render.near;
   if (source.loaded) render.fps = source.loaded->scene.fps;
   if (flags.fps > 0) render.fps = flags.fps;
   render.compare = !flags.no_compare;

@@ -110,6 +110,7 @@ class Evaluator {
         networks_(config.metrics),
         renderer_(queue, engine_settings(config)),
         next_(followers(frames, config.flow.max_gap)),
+        near_(near_or_default(config.render.near, loaded.scene)),
         stride_((frames.size() + kMostWithDis - 1) / kMostWithDis) {
     result_.flow_reference = "none";
     result_.trained_on = are_training_images(loaded.scene, frames);
@@ -197,9 +198,8 @@ class Evaluator {
     const bool moves = reference.next && !reference.true_flow;  // the camera may have moved
     const float level = float(shown_level(config_.scene.background)) / 255;
     Shot shot;
-    shot.view.camera = pinhole(camera, config_.render.near);
-    shot.view.camera_t2 =
-        pinhole(store_.camera(moves ? *reference.next : frame), config_.render.near);
+    shot.view.camera = pinhole(camera, near_);
+    shot.view.camera_t2 = pinhole(store_.camera(moves ? *reference.next : frame), near_);
     shot.time = frame.time;
     shot.time_t2 = reference.time;
     shot.flow = !reference.empty();
@@ -257,6 +257,7 @@ class Evaluator {
   MetricNetworks networks_;
   Renderer renderer_;
   const std::vector<const Frame*> next_;
+  const float near_;
   const size_t stride_;  // every stride_-th view uses DIS
   std::optional<Before> before_;
   Evaluation result_;

@@ -6,11 +6,14 @@
 namespace gflow {
 
 struct ViewOptions {
-  float near = 0.05f;
+  float near = 0;
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field("near", self.near, "skip Gaussians closer to the camera [scene units]", above(0));
+    field("near", self.near,
+          "Gaussians nearer to the camera are not drawn [scene units]; 0: by the scene, from its "
+          "depth range, points or size",
+          at_least(0));
   }
 };
 

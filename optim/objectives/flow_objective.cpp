@@ -66,7 +66,8 @@ void FlowObjective::request(Queue& queue, const ViewContext& view, Shot& shot) {
   if (pair.next >= 0) {
     const Frame& next = scene_.train[size_t(pair.next)];
     shot.view.camera_t2 =
-        crop(pinhole(frames_.camera(next), options_.render.near), view.sample.part);
+        crop(pinhole(frames_.camera(next), near_or_default(options_.render.near, scene_)),
+             view.sample.part);
     shot.time_t2 = next.time;
   } else {
     shot.time_t2 = view.sample.frame->flow_time;

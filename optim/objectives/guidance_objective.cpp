@@ -135,7 +135,8 @@ GuidanceRequest GuidanceObjective::request_for(const StepContext& context) const
 Shot GuidanceObjective::shot_of(const GuidanceRequest& request, const GuidanceView& view,
                                 int sh_degree) const {
   Shot shot;
-  shot.view.camera = shot.view.camera_t2 = pinhole(view.camera, config_.render.near);
+  shot.view.camera = shot.view.camera_t2 =
+      pinhole(view.camera, near_or_default(config_.render.near, scene_));
   shot.time = request.time;
   shot.time_t2 = request.next_time;
   shot.flow = request.wants_flow;

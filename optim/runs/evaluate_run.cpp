@@ -75,7 +75,7 @@ void write_comparison(Queue& queue, Model& model, const TrainOptions& config,
       split_views(loaded.scene, frames, loaded.frames->cameras(), "test");
   RenderOptions options;
   options.settings = engine_settings(config);
-  options.near = config.render.near;
+  options.near = near_or_default(config.render.near, loaded.scene);
   if (config.scene.background == Background::black) options.background = {0, 0, 0};
   write_png(run.path("compare.png"),
             comparison_image(queue, model, views[views.size() / 2], *loaded.frames, options));

@@ -84,7 +84,11 @@ void prepare(RunParts& parts, const std::string& left) {
   const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
   stop.set("interrupted while preparing the training; " + left);
   warn_of_idle_settings(prepared.scene(), config);
-  if (!quiet) print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
+  if (!quiet) {
+    print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
+    print_status("Gaussians are drawn from {:.3g} scene units before a camera on (render.near)\n",
+                 config.render.near);
+  }
   if (prepared.lacks_flow()) stop.set("interrupted while computing optical flow; " + left);
   prepared.compute_flow(run.path("flow"), quiet);
   stop.set("interrupted before the first training step; " + left);
@@ -236,9 +240,10 @@ Evaluation only_evaluate(RunParts& parts) {
 
 }  // namespace
 
-Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& run, bool quiet,
+Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder& run, bool quiet,
                      Start start, const TrainExtensions& extensions) {
-  check(config);
+  check(options);
+  TrainOptions config = options;
   run.require_its_folders();
   std::unique_ptr<FileLock> lock;
   const auto take_folder = [&] {
@@ -255,6 +260,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& 
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
+  config.render.near = near_or_default(config.render.near, scene);  // config.toml has what was used
   if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);
   if (plan.starts_fresh()) require_first_points(scene, config.init);
   require_metric_networks(config, scene, prepared.frames());

@@ -4,9 +4,11 @@
 // / z + cy).
 #pragma once
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 
 namespace gflow {
@@ -45,6 +47,15 @@ struct Camera {
     const Eigen::Vector3d p =
         viewmat.topLeftCorner<3, 3>() * world + viewmat.topRightCorner<3, 1>();
     return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
+  }
+
+  // Depth of a world point that is in front of the camera and inside its image; nullopt for others.
+  std::optional<double> depth_in_view(const Eigen::Vector3d& world) const {
+    const double z = viewmat.row(2).dot(world.homogeneous());
+    if (!(z > 0)) return std::nullopt;
+    const Eigen::Vector2d pixel = project(world);
+    const bool inside = pixel.x() >= 0 && pixel.x() < width && pixel.y() >= 0 && pixel.y() < height;
+    return inside ? std::optional(z) : std::nullopt;
   }
 
   // Jacobian of project() with respect to the point [px / scene unit].

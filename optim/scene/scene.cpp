@@ -13,6 +13,7 @@
 #include <set>
 
 #include "optim/scene/camera_settings.hpp"
+#include "optim/scene/near_plane.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "runtime/base/error.hpp"
@@ -304,6 +305,7 @@ void complete_scene(Scene& scene, const SceneOptions& options,
   check(scene);
   recentre(scene, origin ? *origin : origin_for(scene));
   if (scene.extent <= 0) scene.extent = scene_extent(scene);
+  if (scene.near_plane <= 0) scene.near_plane = near_plane_of(scene);
 }
 
 Scene read_scene(const std::string& path, const SceneOptions& options,
@@ -353,11 +355,7 @@ double share_of_points_in_view(const Scene& scene) {
   for (size_t i = 0; i < scene.points.size(); i += stride, ++all) {
     const Eigen::Map<const Eigen::Vector3d> point(&scene.points.xyz[3 * i]);
     seen += std::any_of(cameras.begin(), cameras.end(), [&](int index) {
-      const Camera& camera = scene.cameras[size_t(index)];
-      const double z = camera.viewmat.row(2).dot(point.homogeneous());
-      const Eigen::Vector2d pixel = camera.project(point);
-      return z > 0 && pixel.x() >= 0 && pixel.x() < camera.width && pixel.y() >= 0 &&
-             pixel.y() < camera.height;
+      return scene.cameras[size_t(index)].depth_in_view(point).has_value();
     });
   }
   return all == 0 ? 1 : double(seen) / double(all);

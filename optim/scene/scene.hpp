@@ -53,7 +53,10 @@ struct Scene {
   int steps = 0;             // number of distinct training times; other views have the nearest step
   double fps = 0;            // frames per second, > 0; 24 if the scene has no value
   double near = 0, far = 0;  // depth range seen by the cameras; 0 if unknown
-  bool has_alpha = false;    // images have straight alpha, or masks that are multiplied into it
+  // Distance along the axis of a camera from which Gaussians are drawn [scene units]; 0: not known
+  // yet (complete_scene).
+  double near_plane = 0;
+  bool has_alpha = false;     // images have straight alpha, or masks that are multiplied into it
   bool masks_ignore = false;  // masks say where pixels count instead: 0 is left out of all losses
   std::vector<std::string> notices;  // what was left out or assumed, one sentence each
 };
@@ -78,6 +81,11 @@ Eigen::Vector3d focus_point(const Scene& scene);
 // Share of the initial points that are in front of and inside the image of a training camera, in
 // [0, 1]; of many points a sample is taken. 1 without points.
 double share_of_points_in_view(const Scene& scene);
+
+// Setting render.near: its value, or Scene::near_plane if it is 0.
+inline float near_or_default(float near, const Scene& scene) {
+  return near > 0 ? near : scene.near_plane > 0 ? float(scene.near_plane) : 0.05f;
+}
 
 // Identity of an image: pose, file, video frame, mask.
 using ImageId = std::tuple<int, std::string, int, std::string>;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "optim/init/init.hpp"
+#include "optim/scene/near_plane.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
@@ -97,6 +98,12 @@ void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
         fmt::format("motion.static_threshold = {} has no effect with train.sequential: static "
                     "Gaussians are unknown until the last time step is trained",
                     config.motion.static_threshold));
+  const float near = near_or_default(config.render.near, scene);
+  if (const double share = share_of_points_nearer(scene, double(near)); share > 0.01)
+    warn(
+        fmt::format("render.near = {:.3g}: {:.0f} % of the points that a training camera sees are "
+                    "nearer, so it cannot see Gaussians there",
+                    near, 100 * share));
   const FlowOptions& flow = config.flow;
   const bool asks_tracks =
       flow.source == FlowSource::tracks || (flow.long_span == FarFlow::tracks && flow.span != 1);

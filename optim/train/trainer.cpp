@@ -16,8 +16,9 @@ Trainer::Trainer(const TrainInputs& in, std::vector<Rect> parts,
     : in_(in),
       sampler_(in.options, in.scene, in.frames, in.pairs, in.flows, std::move(parts),
                in.model.shape),
-      view_pass_(in.queue, engine_settings(in.options), in.options.render.near, in.scene.steps,
-                 in.frames, in.model, make_objectives(in, more)),
+      view_pass_(in.queue, engine_settings(in.options),
+                 near_or_default(in.options.render.near, in.scene), in.scene.steps, in.frames,
+                 in.model, make_objectives(in, more)),
       optimizer_(in.queue, in.options, in.scene, in.model),
       reduce_(in.queue) {}
 

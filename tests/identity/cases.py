@@ -24,7 +24,7 @@ def settings(steps, **more):
         density__start=steps // 6, density__every=steps // 6, density__stop_fraction=0.8, density__cap=12000,
         motion__rest=0.5, motion__rest_every=steps * 7 // 30, motion__rest_wake=2, motion__sh_interval=steps // 4,
         loss__rigidity=0.1, loss__rotation=0.1, loss__isometry=0.1, loss__velocity=0.1, loss__acceleration=0.1,
-        loss__motion_every=2, loss__neighbours_every=steps // 3, hexplane__warmup=steps // 6)
+        loss__motion_every=2, loss__neighbours_every=steps // 3, hexplane__warmup=steps // 6, render__near=0.05)
     return [f"--set={name.replace('__', '.')}={value}" for name, value in {**values, **more}.items()]
 
 

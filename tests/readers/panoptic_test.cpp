@@ -64,6 +64,7 @@ TEST(Panoptic, CamerasByTimeBecomeTracks) {
   EXPECT_EQ(scene.layout, "panoptic");
   EXPECT_EQ(scene.steps, 3);
   EXPECT_EQ(scene.fps, 30);
+  EXPECT_EQ(scene.near_plane, 1);
   EXPECT_FALSE(scene.has_alpha);
   ASSERT_EQ(scene.train.size(), 6u);
   ASSERT_EQ(scene.test.size(), 3u);

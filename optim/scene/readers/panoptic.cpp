@@ -179,6 +179,7 @@ Scene read_panoptic(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   scene.layout = "panoptic";
   scene.fps = panoptic_fps;
+  scene.near_plane = 1;  // as in the code of Dynamic 3D Gaussians: nearer there are other cameras
   scene.train = read_split(folder, meta("train_meta.json"), options, scene);
   if (scene.train.empty()) throw Error(fmt::format("{} has no images", meta("train_meta.json")));
   scene.steps = scene.train.back().step + 1;
