@@ -186,6 +186,15 @@ Json times_of(const Scene& scene) {
   return times;
 }
 
+// As scene.skip_cameras and scene.time_offsets take them.
+Json camera_names(const Scene& scene) {
+  Json names = Json::array();
+  for (const Camera& camera : scene.cameras)
+    if (std::find(names.begin(), names.end(), camera.name) == names.end())
+      names.push_back(camera.name);
+  return names;
+}
+
 // How many images have a mask, and what it means.
 std::string masks_of(const Scene& scene) {
   size_t masked = 0, all = 0;
@@ -213,6 +222,7 @@ Json info_of(const Scene& scene, const std::string& path) {
   Json info{{"scene", path},
             {"layout", scene.layout},
             {"cameras", scene.cameras.size()},
+            {"camera_names", camera_names(scene)},
             {"resolutions", sizes},
             {"train_frames", scene.train.size()},
             {"test_frames", scene.test.size()},
@@ -252,6 +262,7 @@ Json info_of_file(const std::string& path, Undrawable undrawable, const SceneOpt
     try {
       video_info(path);
     } catch (const Error& no_video) {
+      if (has_video_extension(path)) throw;
       throw Error(
           fmt::format("{}; it is not a video either: {}", no_splat.what(), no_video.what()));
     }

@@ -12,6 +12,7 @@
 #include "optim/formats/ply_rows.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
@@ -104,7 +105,11 @@ std::array<int, 3> find_colors(const std::vector<std::string>& names) {
 std::array<double, 3> full_intensities(const std::string& path, const PlyElementHeader& vertices,
                                        const std::array<int, 3>& color) {
   const auto real = [&](int column) { return is_real(vertices.properties[size_t(column)].type); };
-  if (std::none_of(color.begin(), color.end(), real)) return {255, 255, 255};
+  const auto full_of_integers = [&](int column) {
+    return vertices.properties[size_t(column)].type == PlyType::u16 ? 65535. : 255.;
+  };
+  if (std::none_of(color.begin(), color.end(), real))
+    return {full_of_integers(color[0]), full_of_integers(color[1]), full_of_integers(color[2])};
   double largest = 0;
   PlyRows rows(path);
   rows.read(find_vertices(rows, path), [&](const double* values) {
@@ -242,6 +247,15 @@ void write_ply(const std::string& path, const PlyTable& head, const PlyRow& row)
   });
 }
 
+void report_left_out_points(size_t count, size_t all, const std::string& path) {
+  if (count == 0) return;
+  const std::string what = fmt::format(
+      "{} of the {} points in {} have a coordinate that is NaN, infinite or beyond {:g}", count,
+      all, path, farthest_point);
+  if (count == all) throw Error("cannot read the points: " + what);
+  warn_once(what + " and are left out");
+}
+
 PointCloud read_point_cloud(const std::string& path) {
   PlyRows rows(path);
   const PlyElementHeader& vertices = find_vertices(rows, path);
@@ -260,23 +274,25 @@ PointCloud read_point_cloud(const std::string& path) {
   const size_t count = std::min(vertices.rows, most_points);
   points.xyz.reserve(3 * count);
   if (colored) points.rgb.reserve(3 * count);
-  size_t vertex = 0;
+  size_t vertex = 0, left_out = 0;
   rows.read(vertices, [&](const double* values) {
     const size_t v = vertex++;
-    const bool kept = double(v) * double(count) >= double(points.size()) * double(vertices.rows);
-    for (size_t i = 0; i < 3; ++i) {
+    const bool wanted = double(v) * double(count) >= double(points.size()) * double(vertices.rows);
+    const bool placed = std::all_of(position.begin(), position.end(), [&](int column) {
+      return std::fabs(values[column]) <= farthest_point;
+    });
+    left_out += !placed;
+    const bool kept = wanted && placed;
+    for (size_t i = 0; i < 3 && kept; ++i) {
       const double place = values[position[i]];
-      if (!(std::fabs(place) <= farthest_point))
-        throw_ply_error(path,
-                        fmt::format("vertex {} has a coordinate that is NaN, Inf or beyond {:g}", v,
-                                    farthest_point));
-      if (kept) points.xyz.push_back(exact ? place : double(float(place)));
+      points.xyz.push_back(exact ? place : double(float(place)));
     }
     for (size_t i = 0; i < 3 && colored && kept; ++i) {
       const double value = values[color[i]];
       points.rgb.push_back(color_byte(255 * (harmonics ? color_of_sh0(value) : value / full[i])));
     }
   });
+  report_left_out_points(left_out, vertices.rows, path);
   return points;
 }
 

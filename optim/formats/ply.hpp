@@ -91,6 +91,10 @@ inline double full_intensity(double largest) { return largest > 1.5 ? 255 : 1; }
 // farthest_point.
 PointCloud read_point_cloud(const std::string& path);
 
+// Warns of points with a coordinate that is NaN, infinite or beyond farthest_point. Error if these
+// are all.
+void report_left_out_points(size_t count, size_t all, const std::string& path);
+
 // Binary little-endian: float x y z, and uchar red green blue if there are colours.
 void write_point_cloud(const std::string& path, const PointCloud& points);
 

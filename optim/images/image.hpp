@@ -18,13 +18,13 @@ struct Image {
 };
 
 // Reads a PNG, JPEG, WebP or TIFF as RGB, or RGBA if it has alpha. Grey and palette images become
-// RGB; 16 bits are rounded to 8, whose error of at most half a level lies at 59 dB. Ignores the
+// RGB; 16 bits are rounded to 8, which limits PSNR to 59 dB. Ignores the
 // EXIF orientation, because poses refer to the stored image. Error if the file is missing, damaged,
 // truncated or larger than 16384 x 16384.
 Image read_image(const std::string& path);
 
-// Reads an image as grey, for masks; colours are converted by OpenCV's weights. An image of one
-// colour with alpha is its alpha.
+// Reads an image as grey, for masks; colours are converted by OpenCV's weights. Of an image
+// of one colour with alpha this is the alpha channel.
 Image read_grey(const std::string& path);
 
 // Composites RGBA over a background in stored values: rgb a + background (1 - a). RGB images are

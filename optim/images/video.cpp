@@ -13,6 +13,7 @@ extern "C" {
 #include "optim/images/movie.hpp"
 #include "optim/images/video_stream.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -91,16 +92,20 @@ VideoInfo video_info(const std::string& path) {
   info.fps = av_q2d(stream.avg_frame_rate.num > 0 ? stream.avg_frame_rate : stream.r_frame_rate);
   if (!(info.fps >= slowest_fps && info.fps <= fastest_fps)) info.fps = 24;
   info.seconds = video.stated_seconds();
-  info.frames = video.stated_frames();
-  const std::vector<double> times = VideoStream(path).packet_times();
-  if (info.frames == 0) info.frames = int(times.size());
-  info.variable = is_variable_rate(times);
+  info.times = VideoStream(path).packet_times();
+  const int packets = int(info.times.size()), stated = video.stated_frames();
+  info.frames = stated > 0 && packets > 0 ? std::min(stated, packets) : std::max(stated, packets);
+  info.variable = is_variable_rate(info.times);
+  if (!info.times.empty() && std::isnan(info.times.back())) info.times.clear();  // NaN comes last
+  for (size_t k = info.times.size(); k-- > 0;) info.times[k] -= info.times[0];
   info.alpha = video.has_alpha() && video.next() && is_transparent(video.image());
   const bool sized = codec.width > 0 && codec.height > 0 && info.width <= largest_side &&
                      info.height <= largest_side;
   if (!sized || info.frames == 0)
-    throw Error(fmt::format("cannot read video {}: it has {} frames of {}x{}", path, info.frames,
-                            info.width, info.height));
+    throw Error(
+        fmt::format("cannot read video {}: it has {} frames of {}x{} pixels, expected at "
+                    "least one and sides of at most {}",
+                    path, info.frames, info.width, info.height, largest_side));
   return info;
 }
 
@@ -120,6 +125,10 @@ std::vector<double> frame_times(const std::string& path, int limit) {
         fmt::format("cannot read video {}: no frame could be read; the file seems cut off", path));
   if (!rising) {
     const double fps = video_info(path).fps;
+    warn_once(
+        fmt::format("the time stamps of video {} do not increase: its frames are taken to be "
+                    "1/{:.5g} s apart",
+                    path, fps));
     for (size_t k = 0; k < times.size(); ++k) times[k] = double(k) / fps;
   }
   return times;

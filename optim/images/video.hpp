@@ -13,7 +13,12 @@ namespace gflow {
 // Properties of a video. Sizes are those shown: upright, with square pixels.
 struct VideoInfo {
   int width = 0, height = 0;
-  int frames = 0;                           // as the container states; counted if it does not
+  // As the container states, but at most as many as there are packets: files may be cut off, and
+  // AVI counts frames that were dropped.
+  int frames = 0;
+  // Times of the packets [s], ascending from 0; empty if some have none. Nothing is decoded for
+  // them.
+  std::vector<double> times;
   double fps = 0;                           // average; 24 if it is unknown
   bool variable = false;                    // the intervals between frames differ
   double seconds = 0;                       // as the container states; 0 if it does not

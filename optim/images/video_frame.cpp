@@ -32,6 +32,13 @@ std::vector<uint8_t> turned(const std::vector<uint8_t>& pixels, int width, int h
   return out;
 }
 
+// Whether the palette of a frame has transparent colours.
+bool has_transparent_palette(const AVFrame& frame) {
+  if (frame.format != AV_PIX_FMT_PAL8 || !frame.data[1]) return false;
+  const auto* palette = reinterpret_cast<const uint32_t*>(frame.data[1]);  // ARGB
+  return std::any_of(palette, palette + 256, [](uint32_t c) { return c != 0 && c >> 24 < 255; });
+}
+
 bool is_full_range(const AVFrame& frame) {
   const auto format = AVPixelFormat(frame.format);
   return frame.color_range == AVCOL_RANGE_JPEG || format == AV_PIX_FMT_YUVJ420P ||
@@ -147,12 +154,12 @@ Image FrameConverter::image(const AVFrame& frame, AVRational pixel_aspect, const
     throw Error(
         fmt::format("cannot read video {}: its frames are {}x{}", path, size.width, size.height));
   const bool hdr = frame.color_trc == AVCOL_TRC_SMPTE2084;
-  const bool alpha = !hdr && has_alpha(format);
+  const bool alpha = !hdr && (has_alpha(format) || has_transparent_palette(frame));
   const int width = turn.swaps_sides() ? size.height : size.width;  // before turning
   const int height = frame.height, channels = alpha ? 4 : 3;
   const AVPixelFormat to = hdr ? AV_PIX_FMT_RGB48 : alpha ? AV_PIX_FMT_RGBA : AV_PIX_FMT_RGB24;
   const int range = is_full_range(frame), matrix = matrix_of(frame);
-  const std::array<int, 6> wanted{int(format), frame.width, height, width, range, matrix};
+  const std::array<int, 7> wanted{int(format), frame.width, height, width, range, matrix, int(to)};
   if (!scaler_ || format_ != wanted) {
     // The flags of the ffmpeg program, so that colours are equal to its.
     scaler_.reset(sws_getContext(frame.width, height, format, width, height, to, SWS_BICUBIC,

@@ -41,7 +41,7 @@ class FrameConverter {
 
  private:
   LibavPointer<SwsContext> scaler_;
-  std::array<int, 6> format_{};  // what the scaler was made for
+  std::array<int, 7> format_{};  // what the scaler was made for
 };
 
 // Whether frames of that pixel format have alpha.

@@ -124,7 +124,7 @@ void VideoStream::open(const std::string& path) {
     // The table of frames of an MP4 file, "moov", is usually at its end.
     if (said.find("moov atom not found") != said.npos)
       return std::string("the file seems cut off: its table of frames is missing");
-    if (failed == AVERROR_INVALIDDATA)
+    if (failed == AVERROR_INVALIDDATA || failed == AVERROR(EINVAL) || failed == AVERROR_EOF)
       return std::string("it is not a video that FFmpeg knows, or damaged");
     return libav_error(failed);
   };

@@ -89,8 +89,23 @@ void assign(const Incoming& in, bool& member) {
   member = *value;
 }
 
+// A list of texts, ["cam03", "cam13"], as the settings that take several names want them: with
+// commas.
+std::optional<std::string> joined_texts(const toml::node& node) {
+  const toml::array* list = node.as_array();
+  if (!list || list->empty()) return std::nullopt;
+  std::string text;
+  for (const toml::node& entry : *list) {
+    const auto word = entry.value_exact<std::string>();
+    if (!word) return std::nullopt;
+    text += (text.empty() ? "" : ",") + *word;
+  }
+  return text;
+}
+
 void assign(const Incoming& in, std::string& member) {
-  const auto value = in.node->value_exact<std::string>();
+  auto value = in.node->value_exact<std::string>();
+  if (!value) value = joined_texts(*in.node);
   if (!value && !in.text) in.refuse("text in quotes");
   member = value ? *value : *in.text;
   if (!is_file_address(member)) return;

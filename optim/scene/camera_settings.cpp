@@ -26,11 +26,23 @@ std::string trimmed(const std::string& text) {
 // Indices of the cameras of a name: a moving camera has one for each pose. Error if there is none.
 std::vector<size_t> cameras_named(const std::vector<Camera>& cameras, const std::string& name,
                                   const char* setting) {
-  std::vector<size_t> found;
-  for (size_t i = 0; i < cameras.size(); ++i)
-    if (cameras[i].name == name || without_image_extension(cameras[i].name) == name)
-      found.push_back(i);
+  // Names of cameras are paths of images in some layouts: images_cam03, cam03.jpg.
+  const auto bare = [](const std::string& text) {
+    std::string plain = without_image_extension(with_slashes(text));
+    std::replace(plain.begin(), plain.end(), '/', '_');
+    return plain;
+  };
+  const std::string wanted = bare(name), ending = "_" + wanted;
+  std::vector<size_t> found, ended;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const std::string own = bare(cameras[i].name);
+    if (own == wanted) found.push_back(i);
+    if (own.size() > ending.size() &&
+        own.compare(own.size() - ending.size(), ending.size(), ending) == 0)
+      ended.push_back(i);
+  }
   if (!found.empty()) return found;
+  if (!ended.empty()) return ended;
   std::vector<std::string> names;
   for (const Camera& camera : cameras) names.push_back(camera.name);
   throw Error(fmt::format("{} names camera '{}', but the scene has {}", setting, excerpt(name),

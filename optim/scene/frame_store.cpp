@@ -148,6 +148,9 @@ struct FrameStore::State {
     Image counted = binary(prepared(counted_of(std::move(mask)), frame), 255);
     const bool all = std::all_of(counted.pixels.begin(), counted.pixels.end(),
                                  [](uint8_t value) { return value == 255; });
+    if (std::count(counted.pixels.begin(), counted.pixels.end(), 255) == 0)
+      warn_once(fmt::format("mask {} is black everywhere: no pixel of {} counts", frame.mask_path,
+                            frame.path));
     return all ? nullptr : std::make_shared<const Image>(std::move(counted));
   }
 

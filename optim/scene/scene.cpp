@@ -14,6 +14,7 @@
 
 #include "optim/scene/camera_settings.hpp"
 #include "optim/scene/near_plane.hpp"
+#include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "runtime/base/error.hpp"
@@ -269,7 +270,15 @@ void set_masks(Scene& scene, const SceneOptions& options) {
   size_t masked = 0, all = 0;
   for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
     for (const Frame& frame : *split) masked += !frame.mask_path.empty(), ++all;
-  if (masked == 0) return;
+  if (masked == 0) {
+    const bool told = scene.layout == "colmap" || scene.layout == "nerfstudio";
+    if (options.masks != Masks::none && !told && fs::is_directory(scene.folder))
+      report_unused_masks(scene.folder,
+                          "only COLMAP, nerfstudio and Panoptic scenes have masks; for others put "
+                          "them into the alpha channel of the images",
+                          scene);
+    return;
+  }
   if (masked < all)
     scene.notices.push_back(
         fmt::format("{} of {} images have a mask; of the others all pixels count", masked, all));
@@ -277,7 +286,7 @@ void set_masks(Scene& scene, const SceneOptions& options) {
   if (options.masks == Masks::automatic)
     scene.notices.push_back(
         "where masks are black, pixels are left out of the training; if black means transparent, "
-        "set scene.masks = \"alpha\"");
+        "use --set scene.masks=alpha");
 }
 
 }  // namespace
@@ -316,8 +325,8 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
     throw Error(fmt::format("cannot read {}: there is no such scene folder or video", path));
   check(options);
   Scene scene = read_recognised(path, options);
-  set_masks(scene, options);
   scene.folder = path;
+  set_masks(scene, options);
   const fs::path absolute = fs::absolute(path).lexically_normal();
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();

@@ -348,7 +348,7 @@ TEST(Nerfstudio, NumbersInTheNamesAreTimesIfAskedFor) {
   const Scene still = read_scene(folder.path());
   EXPECT_EQ(still.steps, 1);
   ASSERT_EQ(still.notices.size(), 1u);
-  EXPECT_NE(still.notices[0].find("scene.times = \"order\""), std::string::npos);
+  EXPECT_NE(still.notices[0].find("--set scene.times=order"), std::string::npos);
   SceneOptions options;
   options.times = Times::order;
   options.test_every = 4;

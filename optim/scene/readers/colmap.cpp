@@ -89,11 +89,13 @@ Scene read_colmap(const std::string& folder, const SceneOptions& options) {
       missing.add(image.name);
       continue;
     }
-    if (!used.insert(fs::path(frame.path).lexically_relative(image_folder).generic_string()).second)
+    const std::string relative =
+        fs::path(frame.path).lexically_relative(image_folder).generic_string();
+    if (!used.insert(relative).second)
       throw Error(fmt::format("{} lists image {} twice", sparse, image.name));
     const ImageHeader header = read_image_header(frame.path);
     scene.has_alpha |= header.has_alpha;
-    if (options.masks != Masks::none) frame.mask_path = find_mask(folder, image.name, sparse);
+    if (options.masks != Masks::none) frame.mask_path = find_mask(folder, relative, sparse);
     scene.has_alpha |= !frame.mask_path.empty() && options.masks == Masks::alpha;
     frame.name = fs::path(image.name).replace_extension().generic_string();
     frame.camera = frame.track = int(frames.size());

@@ -249,18 +249,19 @@ std::vector<StoredImage> images_txt(const std::string& path) {
   return images;
 }
 
+// Appends a point; counts it in left_out instead if it has no place.
 void append_point(PointCloud& points, const double xyz[3], const int rgb[3],
-                  const std::string& path) {
-  for (int i = 0; i < 3; ++i) {
-    if (!(std::fabs(xyz[i]) <= farthest_point))
-      throw Error(fmt::format("point {} of {} has a coordinate that is NaN, Inf or beyond {:g}",
-                              points.size(), path, farthest_point));
+                  const std::string& path, size_t& left_out) {
+  for (int i = 0; i < 3; ++i)
     if (rgb[i] < 0 || rgb[i] > 255)
       throw Error(fmt::format("point {} of {} has colour {} {} {}, expected values of 0 to 255",
-                              points.size(), path, rgb[0], rgb[1], rgb[2]));
-    points.xyz.push_back(xyz[i]);
-    points.rgb.push_back(uint8_t(rgb[i]));
-  }
+                              points.size() + left_out, path, rgb[0], rgb[1], rgb[2]));
+  const bool placed =
+      std::all_of(xyz, xyz + 3, [](double x) { return std::fabs(x) <= farthest_point; });
+  left_out += !placed;
+  if (!placed) return;
+  points.xyz.insert(points.xyz.end(), xyz, xyz + 3);
+  for (int i = 0; i < 3; ++i) points.rgb.push_back(uint8_t(rgb[i]));
 }
 
 PointCloud room_for_points(size_t count) {
@@ -274,6 +275,7 @@ PointCloud points_bin(const std::string& path) {
   ColmapBinary file(path);
   const uint64_t count = file.next_count(43 + 8);
   PointCloud points = room_for_points(count);
+  size_t left_out = 0;
   for (uint64_t n = count; n > 0; --n) {
     file.next<uint64_t>();  // point id
     double xyz[3];
@@ -282,9 +284,10 @@ PointCloud points_bin(const std::string& path) {
     for (int& value : rgb) value = file.next<uint8_t>();
     file.next<double>();               // reprojection error
     file.skip(file.next_count(8), 8);  // track: image id, point index
-    append_point(points, xyz, rgb, path);
+    append_point(points, xyz, rgb, path, left_out);
   }
   file.require_end();
+  report_left_out_points(left_out, size_t(count), path);
   return points;
 }
 
@@ -299,6 +302,7 @@ size_t room_in_lines(const std::string& path) {
 
 PointCloud points_txt(const std::string& path) {
   PointCloud points = room_for_points(room_in_lines(path));
+  size_t left_out = 0;
   ColmapText file(path, "POINT3D_ID X Y Z R G B ERROR TRACK");
   while (file.next_entry()) {
     file.number<uint64_t>("the point id");
@@ -306,8 +310,9 @@ PointCloud points_txt(const std::string& path) {
     int rgb[3];
     for (double& value : xyz) value = file.number<double>("a coordinate");
     for (int& value : rgb) value = file.number<int>("a colour component");
-    append_point(points, xyz, rgb, path);
+    append_point(points, xyz, rgb, path, left_out);
   }
+  report_left_out_points(left_out, points.size() + left_out, path);
   return points;
 }
 

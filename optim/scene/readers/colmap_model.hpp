@@ -32,8 +32,8 @@ std::string find_colmap_model(const std::string& sparse, std::vector<std::string
 // Whether find_colmap_model finds a folder.
 bool has_colmap_model(const std::string& sparse);
 
-// The folder for find_colmap_model in the folder of a scene: sparse/, or where other programs put it;
-// empty if there is no model.
+// The folder for find_colmap_model in the folder of a scene: sparse/, or where other programs put
+// it; empty if there is no model.
 std::string find_sparse(const std::string& scene);
 
 // Reads the model in a folder; distortion becomes Camera::lens. Points may be missing. Error if

@@ -29,9 +29,11 @@ std::vector<Camera> read_cameras(const std::string& path, const ViewImages& view
   return cameras;
 }
 
-// File name without extension.
+// File name without extension, in lower case.
 std::string image_stem(const std::string& name) {
-  return without_image_extension(fs::path(name).filename().string());
+  std::string text = without_image_extension(fs::path(name).filename().string());
+  for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return text;
 }
 
 // The camera named like each image, -1 if there is none; all -1 if cameras share a name.

@@ -12,7 +12,7 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr const char* mask_folders[] = {"masks", "mask"};
+constexpr const char* mask_folders[] = {"masks", "mask", "Masks", "Mask"};
 
 }  // namespace
 

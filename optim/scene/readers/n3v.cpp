@@ -33,7 +33,9 @@ struct Footage {
   std::map<std::string, std::string> images;  // stem -> path
   std::string video;                          // replaces images if not empty
   int video_frames = 0;
+  std::vector<double> video_times;  // [s] from 0; empty if they are not known
   double fps = n3v_fps;
+  bool variable = false;  // the intervals between the video's frames differ
   bool alpha = false;
 };
 
@@ -58,7 +60,9 @@ Footage from_video(const std::string& name, const std::string& path) {
   footage.height = info.height;
   footage.video = path;
   footage.video_frames = info.frames;
+  footage.video_times = info.times;
   footage.fps = info.fps;
+  footage.variable = info.variable;
   footage.alpha = info.alpha;
   return footage;
 }
@@ -215,25 +219,90 @@ std::vector<std::string> unused_steps(const std::vector<Footage>& footage, size_
       fmt::format("using only the {} of {} time steps that all cameras have: {}", used, most, why)};
 }
 
+// Whether frames of equal number are of different times: videos of variable or different frame
+// rates.
+bool have_own_times(const std::vector<Footage>& footage) {
+  const double fps = footage[0].fps;
+  return std::all_of(footage.begin(), footage.end(),
+                     [](const Footage& one) { return !one.video_times.empty(); }) &&
+         std::any_of(footage.begin(), footage.end(), [&](const Footage& one) {
+           return one.variable || std::fabs(one.fps - fps) > 1e-3 * fps;
+         });
+}
+
+// Times in [0, 1] of the frames of a video until `end` [s].
+std::vector<double> times_until(const Footage& footage, double end) {
+  std::vector<double> times;
+  constexpr double rounding = 1e-6;
+  for (const double time : footage.video_times)
+    if (int(times.size()) < footage.video_frames && time <= end + rounding)
+      times.push_back(end > 0 ? std::min(time / end, 1.) : 0);
+  return times;
+}
+
+// times: of the steps, in [0, 1].
 std::vector<Frame> frames_of(const std::string& folder, int camera, const Footage& footage,
-                             const std::vector<std::string>& steps) {
+                             const std::vector<std::string>& steps,
+                             const std::vector<double>& times) {
   std::vector<Frame> frames;
-  const double last = std::max(1., double(steps.size()) - 1);
+  const double interval = 1 / std::max(1., double(steps.size()) - 1);
   for (size_t k = 0; k < steps.size(); ++k) {
     Frame frame;
     frame.camera = frame.track = camera;
     frame.step = int(k);
-    frame.time = double(k) / last;
+    frame.time = times[k];
     frame.name = fmt::format("{}_{:04}", footage.name, k);
     if (footage.video.empty())
       frame.path = footage.images.at(steps[k]);
     else
       frame.path = footage.video, frame.video_frame = int(k);
     find_true_flow(frame, join(folder, "flow/" + footage.name + "/" + steps[k]),
-                   double(k + 1) / last);
+                   k + 1 < times.size() ? times[k + 1] : 1 + interval);
     frame.depth_path = first_existing(folder, {"depth/" + footage.name + "/" + steps[k] + ".npy"});
     frames.push_back(frame);
   }
+  return frames;
+}
+
+// Frames of all cameras at the time steps that all have.
+std::vector<std::vector<Frame>> frames_in_step(const std::string& folder,
+                                               const std::vector<Footage>& footage, Scene& scene) {
+  const std::vector<std::string> steps = common_steps(footage, folder);
+  for (const std::string& notice : unused_steps(footage, steps.size()))
+    scene.notices.push_back(notice);
+  scene.steps = int(steps.size());
+  std::vector<double> times;
+  const double last = std::max(1., double(steps.size()) - 1);
+  for (size_t k = 0; k < steps.size(); ++k) times.push_back(double(k) / last);
+  std::vector<std::vector<Frame>> frames;
+  for (size_t i = 0; i < footage.size(); ++i)
+    frames.push_back(frames_of(folder, int(i), footage[i], steps, times));
+  return frames;
+}
+
+// Frames of videos at their own times, until the first one ends. The time steps are those of the
+// video with most frames.
+std::vector<std::vector<Frame>> frames_at_own_times(const std::string& folder,
+                                                    const std::vector<Footage>& footage,
+                                                    Scene& scene) {
+  scene.notices.push_back(
+      fmt::format("the videos of {} have variable or different frame rates: their frames are used "
+                  "at their own times, counted from the first frame of each",
+                  folder));
+  double end = footage[0].video_times.back();
+  for (const Footage& one : footage) end = std::min(end, one.video_times.back());
+  std::vector<double> step_times;
+  std::vector<std::vector<Frame>> frames;
+  for (size_t i = 0; i < footage.size(); ++i) {
+    const std::vector<double> times = times_until(footage[i], end);
+    if (times.size() > step_times.size()) step_times = times;
+    std::vector<std::string> names;
+    for (size_t k = 0; k < times.size(); ++k) names.push_back(fmt::format("{:04}", k));
+    frames.push_back(frames_of(folder, int(i), footage[i], names, times));
+  }
+  for (std::vector<Frame>& of_camera : frames) set_steps(step_times, of_camera);
+  scene.steps = int(step_times.size());
+  if (end > 0) scene.fps = double(scene.steps - 1) / end;
   return frames;
 }
 
@@ -322,12 +391,11 @@ Scene read_n3v(const std::string& folder, const SceneOptions& options) {
   if (scene.points.size() == 0) report_other_points(folder, scene.notices);
   footage = used;
   scene.fps = footage[0].fps;
-  const std::vector<std::string> steps = common_steps(footage, folder);
-  for (const std::string& notice : unused_steps(footage, steps.size()))
-    scene.notices.push_back(notice);
-  scene.steps = int(steps.size());
+  const std::vector<std::vector<Frame>> all_frames =
+      have_own_times(footage) ? frames_at_own_times(folder, footage, scene)
+                              : frames_in_step(folder, footage, scene);
   for (size_t i = 0; i < footage.size(); ++i) {
-    const std::vector<Frame> frames = frames_of(folder, int(i), footage[i], steps);
+    const std::vector<Frame>& frames = all_frames[i];
     std::vector<Frame>& split = int(i) == test_camera ? scene.test : scene.train;
     split.insert(split.end(), frames.begin(), frames.end());
     scene.has_alpha |= footage[i].alpha;

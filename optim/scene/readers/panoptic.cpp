@@ -111,7 +111,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
                                 owner->second));
       Frame frame;
       frame.path = file_in(folder, "ims", name, meta);
-      if (options.masks == Masks::alpha)
+      if (options.masks == Masks::alpha || options.masks == Masks::ignore)
         frame.mask_path =
             file_in(folder, "seg", fs::path(name).replace_extension(".png").string(), meta);
       frame.track = id;
@@ -119,7 +119,7 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
       frame.time = meta.times > 1 ? double(t) / double(meta.times - 1) : 0;
       frame.name = fmt::format("cam{:02}_{:04}", frame.track, t);
       const ImageHeader header = read_image_header(frame.path);
-      scene.has_alpha |= header.has_alpha || !frame.mask_path.empty();
+      scene.has_alpha |= header.has_alpha || options.masks == Masks::alpha;
       Camera camera = camera_of(meta, t, c, frame.path, header);
       camera.name = fmt::format("cam{:02}", frame.track);
       frame.camera = find_or_add(scene.cameras, camera);

@@ -133,6 +133,8 @@ std::vector<std::string> list_folders(const std::string& folder) {
   return list(folder, [](const auto& e) { return e.is_directory(); });
 }
 
+bool has_video_extension(const std::string& path) { return has_extension(path, video_extensions); }
+
 std::vector<std::string> list_videos(const std::string& folder) {
   return list(folder, [](const auto& e) { return is_file_with(e, video_extensions); });
 }

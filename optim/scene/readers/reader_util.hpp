@@ -18,6 +18,7 @@ std::vector<std::string> list_images(const std::string& folder);  // .png .jpg .
 std::vector<std::string> list_images_below(const std::string& folder);
 std::vector<std::string> list_folders(const std::string& folder);
 std::vector<std::string> list_videos(const std::string& folder);  // .mp4 .avi .mov .mkv .webm
+bool has_video_extension(const std::string& path);                // these
 
 // Natural order: digits compare as numbers, "cam2" < "cam10".
 bool natural_less(const std::string& a, const std::string& b);

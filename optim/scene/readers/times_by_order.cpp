@@ -68,7 +68,7 @@ void report_video_names(const std::vector<Frame>& frames, const std::string& sou
   if (frames.size() < few * std::max<size_t>(1, videos.size())) return;
   notices.push_back(
       fmt::format("the images of {} have no times, so the scene is taken to be static; if they are "
-                  "frames of a video of something that moves, set scene.times = \"order\"",
+                  "frames of a video of something that moves, use --set scene.times=order",
                   source));
 }
 
