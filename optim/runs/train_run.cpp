@@ -90,7 +90,10 @@ void prepare(RunParts& parts, const std::string& left) {
                  config.render.near);
   }
   if (prepared.lacks_flow()) stop.set("interrupted while computing optical flow; " + left);
-  prepared.compute_flow(run.path("flow"), quiet);
+  prepared.compute_flow(run.path("flow"), quiet,
+                        [observer = extensions.observer](size_t done, size_t pairs) {
+                          if (observer) observer->on_flow(done, pairs);
+                        });
   stop.set("interrupted before the first training step; " + left);
 }
 
@@ -244,6 +247,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder&
                      Start start, const TrainExtensions& extensions) {
   check(options);
   TrainOptions config = options;
+  const std::unique_ptr<WarningsTo> warnings = warnings_to(extensions.observer);
   run.require_its_folders();
   std::unique_ptr<FileLock> lock;
   const auto take_folder = [&] {

@@ -16,7 +16,7 @@ namespace gflow {
 // first step and during evaluation, signals act as elsewhere (StopSentence). A run that was stopped
 // in any way and resumed is bitwise equal to an uninterrupted one. Error if another process writes
 // the folder, or if there is a checkpoint with other settings or another scene. extensions:
-// objectives and an observer of the caller.
+// objectives and an observer of the caller, which then receives the warnings instead of stderr.
 Evaluation train_run(Queue& queue, const TrainOptions& config, const RunFolder& run, bool quiet,
                      Start start = Start::fresh, const TrainExtensions& extensions = {});
 

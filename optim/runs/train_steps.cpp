@@ -223,7 +223,7 @@ class RunObserver : public TrainObserver {
         if (!begun_) throw Error(what_is_non_finite(report_, done));
         std::string sentence;
         state.done = roll_back_.roll_back(done, report_, sentence);
-        progress_.print_line("gflow: " + sentence);
+        on_notice(sentence);
         return false;
       }
       before_ = report_;

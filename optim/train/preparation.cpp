@@ -120,7 +120,10 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
         "optical flow of {} image pairs is computed on demand and cached, up to {} GiB, in {}\n",
         compared, config.flow.store, how.folder);
   Progress progress("flow ", long(compared), quiet || !how.beforehand || compared == 0);
-  if (!how.progress) how.progress = progress_callback(progress);
+  how.progress = [&progress, report = how.progress](size_t done, size_t total) {
+    progress.update(long(done));
+    if (report) report(done, total);
+  };
   FlowStore flows = estimated_flows(loaded.scene, pairs, *loaded.frames, how);
   progress.finish();
   return flows;

@@ -29,8 +29,8 @@ class Preparation {
   }
   // Computes flow and keeps it in a folder: beforehand if all of it fits into its budget and
   // training is long enough to use all pairs, else on demand. Does nothing if flow exists.
-  // quiet: no progress line; progress: called with the numbers of pairs done and of all, from any
-  // thread, one call at a time.
+  // quiet: no progress line; progress: also called with the numbers of pairs done and of all, from
+  // any thread, one call at a time.
   void compute_flow(const std::string& folder, bool quiet, const ProgressCallback& progress = {});
   // Finds motion masks, for focus regions and initial Gaussians. Needs no flow. Error if init.from
   // asks for stereo points and there are none.

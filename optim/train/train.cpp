@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/train.hpp"
 
-#include <optional>
-
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/preparation.hpp"
-#include "runtime/base/warning.hpp"
 #include "runtime/files/temporary_folder.hpp"
 
 namespace gflow {
@@ -15,9 +12,7 @@ TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
   check(options);
   TrainObserver silent;
   TrainObserver& observer = extensions.observer ? *extensions.observer : silent;
-  std::optional<WarningsTo> warnings;
-  if (extensions.observer)
-    warnings.emplace([&](const std::string& sentence) { observer.on_notice(sentence); });
+  const std::unique_ptr<WarningsTo> warnings = warnings_to(extensions.observer);
   const ScratchFolder folder("train");
   Preparation prepared(options,
                        with_frames(std::move(scene), options.scene, folder.file("frames")));

@@ -8,6 +8,12 @@ const StepReport& TrainState::report() {
   return *report_;
 }
 
+std::unique_ptr<WarningsTo> warnings_to(TrainObserver* observer) {
+  if (!observer) return nullptr;
+  return std::make_unique<WarningsTo>(
+      [observer](const std::string& sentence) { observer->on_notice(sentence); });
+}
+
 int train_loop(Queue& queue, Trainer& trainer, int first, int steps, TrainObserver& observer) {
   int done = first;
   while (done < steps && !observer.stop(done)) {

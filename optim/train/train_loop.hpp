@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The training loop, and the observer interface for logs, checkpoints, viewers and scripts.
 #pragma once
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "optim/train/trainer.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 
@@ -36,7 +38,7 @@ class TrainObserver {
   virtual void on_flow(size_t /*done*/, size_t /*pairs*/) {}
   // After each step. An exception ends the training.
   virtual void after_step(TrainState&) {}
-  // A message to the user about an event in a step; in train() also warnings, from any thread.
+  // A message to the user: about an event in a step, or a warning, which may come from any thread.
   virtual void on_notice(const std::string&) {}
   // Called before each step, with `done` steps made; true ends the training.
   virtual bool stop(int done) {
@@ -50,6 +52,9 @@ struct TrainExtensions {
   TrainObserver* observer = nullptr;      // nullptr: none
   std::vector<MakeObjective> objectives;  // after gflow's own
 };
+
+// Sends warnings to the observer while the result exists; nullptr: they stay on stderr.
+std::unique_ptr<WarningsTo> warnings_to(TrainObserver* observer);
 
 // Makes steps first, first + 1, ..., steps - 1 unless the observer stops; returns the number of
 // steps made, the `first` earlier ones included.

@@ -121,9 +121,11 @@ class Counter : public TrainObserver {
     last_loss = state.report().loss;
     gaussians = state.model().parameters.count;
   }
+  void on_flow(size_t done, size_t pairs) override { flow.emplace_back(done, pairs); }
   void on_notice(const std::string& sentence) override { notices.push_back(sentence); }
   bool stop(int done) override { return done >= most_; }
 
+  std::vector<std::pair<size_t, size_t>> flow;
   std::vector<std::string> notices;
   std::vector<int> seen;
   double last_loss = 0;
@@ -254,6 +256,28 @@ TEST_F(Seams, AnObserverTakesWarnings) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   ASSERT_EQ(counter.notices.size(), 1u);
   EXPECT_NE(counter.notices[0].find("density.cap = 1000000"), std::string::npos);
+}
+
+TEST_F(Seams, TheObserverOfARunSeesFlowStepsAndWarnings) {
+  const TemporaryFolder folder;
+  TrainOptions computed = config(20);
+  computed.flow.enabled = true;
+  computed.flow.source = FlowSource::dis;
+  computed.motion.key_scales = true;  // has no effect
+  Counter counter;
+  TrainExtensions extensions;
+  extensions.observer = &counter;
+  testing::internal::CaptureStderr();
+  train_run(queue(), computed, RunFolder::create(folder.path() + "/run"), true, Start::fresh,
+            extensions);
+  const std::string printed = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(printed.find("warning"), std::string::npos) << printed;
+  const size_t pairs = (SmallScene::cameras - 1) * (SmallScene::steps - 1);  // cam00 is for tests
+  ASSERT_EQ(counter.flow.size(), pairs);
+  EXPECT_EQ(counter.flow.back(), std::pair(pairs, pairs));
+  EXPECT_EQ(counter.seen.size(), 20u);
+  ASSERT_FALSE(counter.notices.empty());
+  EXPECT_NE(counter.notices[0].find("motion.key_scales has no effect"), std::string::npos);
 }
 
 TEST_F(Seams, ASceneInMemoryTrainsToTheBitsOfItsFiles) {
