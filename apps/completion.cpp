@@ -104,7 +104,8 @@ std::string zsh_quoted(const std::string& text) {
 
 std::string zsh_action(const CLI::Option& option) {
   if (long_name(option) == "--set") return "setting:_gflow_settings";
-  return option.get_type_size() == 0 ? "" : "value:_files";
+  const bool is_flag = option.get_items_expected_max() == 0;
+  return is_flag ? "" : "value:_files";
 }
 
 std::string zsh_script(const CLI::App& app) {
