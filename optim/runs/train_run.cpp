@@ -83,7 +83,6 @@ void write_first_files(const RunFolder& files, const RunParts& parts) {
 void prepare(RunParts& parts, const std::string& left) {
   const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
   stop.set("interrupted while preparing the training; " + left);
-  warn_of_idle_settings(prepared.scene(), config);
   if (!quiet) {
     print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
     print_status("Gaussians are drawn from {:.3g} scene units before a camera on (render.near)\n",

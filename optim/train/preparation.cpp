@@ -12,6 +12,7 @@
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "optim/train/summary.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
 #include "runtime/base/warning.hpp"
@@ -148,6 +149,7 @@ Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
   const bool all_alike = !config.flow.enabled || config.flow.source == FlowSource::tracks;
   flows_ = flows_at_hand(config, loaded_, all_alike ? pairs_ : neighbours_);
   if (flows_) flows_ = with_far_flow(config, loaded_, pairs_, std::move(*flows_));
+  warn_of_idle_settings(scene(), config);
 }
 
 void Preparation::compute_flow(const std::string& folder, bool quiet,

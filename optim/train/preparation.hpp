@@ -14,7 +14,7 @@ class Preparation {
  public:
   // Reads the scene and finds the pairs of images that have flow. Error if the scene is broken, has
   // no training views or lacks those that train.sequential needs, and if flow files are requested
-  // and missing. The configuration must outlive it.
+  // and missing. Warns of settings without effect. The configuration must outlive it.
   Preparation(const TrainOptions& config, const std::string& unpack_folder);
   // The same for a loaded scene.
   Preparation(const TrainOptions& config, LoadedScene loaded);

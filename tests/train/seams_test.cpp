@@ -248,14 +248,16 @@ TEST_F(Seams, AnObserverTakesWarnings) {
   TrainOptions tight = config(2);
   tight.density.memory = 1;  // MiB
   tight.density.cap = 1000000;
+  tight.motion.key_scales = true;  // has no effect
   Counter counter;
   TrainExtensions extensions;
   extensions.observer = &counter;
   testing::internal::CaptureStderr();
   train(queue(), scene_in_memory(tight), tight, extensions);
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
-  ASSERT_EQ(counter.notices.size(), 1u);
-  EXPECT_NE(counter.notices[0].find("density.cap = 1000000"), std::string::npos);
+  ASSERT_EQ(counter.notices.size(), 2u);
+  EXPECT_NE(counter.notices[0].find("motion.key_scales has no effect"), std::string::npos);
+  EXPECT_NE(counter.notices[1].find("density.cap = 1000000"), std::string::npos);
 }
 
 TEST_F(Seams, TheObserverOfARunSeesFlowStepsAndWarnings) {
