@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Forward functions of all motion models in double: Gaussian i of given parameters at a time.
 #pragma once
+#include <fmt/format.h>
+
 #include <functional>
 
 #include "optim/motion/keys.hpp"
 #include "optim/motion/models.hpp"
 #include "optim/reference/hexplane.hpp"
 #include "optim/reference/spacetime.hpp"
+#include "runtime/base/error.hpp"
 #include "shared/motion/bases.h"
 
 namespace gflow::reference {
@@ -81,7 +84,7 @@ inline Shifted hexplane_at(const MotionShape& shape, const Named& p, size_t i, d
   return shifted_at(g, hexplane_shift(shape.hexplane, double(shape.duration), p, g.mean, t), t);
 }
 
-// The forward function of any model.
+// The forward function of one of gflow's own models; it throws Error for others.
 inline DoubleForward forward_of(const MotionShape& shape) {
   return [shape](const Named& p, size_t i, double t) -> Shifted {
     switch (shape.motion) {
@@ -97,8 +100,11 @@ inline DoubleForward forward_of(const MotionShape& shape) {
         return keyframes_at(shape, p, i, t);
       case MotionModelKind::bases:
         return bases_at(shape, p, i, t);
-      default:
+      case MotionModelKind::hexplane:
         return hexplane_at(shape, p, i, t);
+      default:
+        throw Error(fmt::format("motion model {} has no reference in double precision",
+                                name_of(shape.motion)));
     }
   };
 }
