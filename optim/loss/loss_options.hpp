@@ -20,13 +20,12 @@ struct LossOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
-    field("rigidity", self.rigidity,
-          "weight: neighbours move as their rotations predict; 0: off, also for the next four",
+    field("rigidity", self.rigidity, "weight: neighbours move as their rotations predict; 0: off",
           at_least(0));
-    field("rotation", self.rotation, "weight: neighbours rotate alike", at_least(0));
-    field("isometry", self.isometry, "weight: neighbours keep their distance", at_least(0));
-    field("velocity", self.velocity, "weight: neighbours move alike", at_least(0));
-    field("acceleration", self.acceleration, "weight: paths do not bend", at_least(0));
+    field("rotation", self.rotation, "weight: neighbours rotate alike; 0: off", at_least(0));
+    field("isometry", self.isometry, "weight: neighbours keep their distance; 0: off", at_least(0));
+    field("velocity", self.velocity, "weight: neighbours move alike; 0: off", at_least(0));
+    field("acceleration", self.acceleration, "weight: paths do not bend; 0: off", at_least(0));
     field("neighbours", self.neighbours, advanced("nearest Gaussians used as neighbours of each"),
           between(1, 100));
     field("neighbour_falloff", self.neighbour_falloff,
