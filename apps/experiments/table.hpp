@@ -59,7 +59,7 @@ class Results {
 void require_films(const Plan& plan);
 
 // Writes the compare.png of the first seed of each row below each other as
-// FOLDER/images/SCENE.png, and the requested films, truth first, as SCENE_VIEW_FIRST-LAST.png
+// FOLDER/pictures/SCENE.png, and the requested films, truth first, as SCENE_VIEW_FIRST-LAST.png
 // where the scene has these views. Returns the written files.
 std::vector<std::string> write_contact_sheets(const Plan& plan, const std::string& folder);
 
