@@ -58,5 +58,4 @@ inline real fmin(real a, real b) { return a < b ? a : b; }
 inline real fmax(real a, real b) { return a > b ? a : b; }
 using std::pow;
 inline real clamp(real x, real lo, real hi) { return fmin(fmax(x, lo), hi); }
-inline real rsqrt(real x) { return 1 / std::sqrt(x); }
 inline int is_finite_real(real x) { return std::isfinite(x); }

@@ -26,8 +26,6 @@ class Sampler {
   // Time steps that a training step trains.
   Stage stage(int step) const { return stage_at(config_.train, std::max(scene_.steps, 1), step); }
   const Curriculum& curriculum() const { return curriculum_; }
-  // Number of steps from one with flow to the next (flow.every).
-  int flow_every() const { return flow_every_; }
 
  private:
   // Training frames to choose from: all, and those with a focus region. For all time steps
@@ -49,7 +47,7 @@ class Sampler {
   const FrameStore& frames_;
   std::vector<Rect> parts_;
   Curriculum curriculum_;
-  int flow_every_ = 1;
+  int flow_every_ = 1;  // number of steps from one with flow to the next (flow.every)
   std::vector<Choice> choices_;
   std::vector<Ways> ways_;  // one per training frame
 };
