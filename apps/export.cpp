@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cctype>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -24,6 +23,7 @@
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/cameras_json.hpp"
 #include "runtime/base/interrupt.hpp"
+#include "runtime/base/lower.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
 #include "runtime/files/atomic_file.hpp"
@@ -46,8 +46,7 @@ struct ExportFlags {
 std::string format_of(const ExportFlags& flags) {
   static const std::map<std::string, std::string> endings = {
       {".ply", "ply"}, {".splat", "splat"}, {".splatv", "splatv"}, {".4dgs", "4dgs"}};
-  std::string ending = fs::path(flags.output).extension().string();
-  for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+  const std::string ending = lower(fs::path(flags.output).extension().string());
   const auto meant = endings.find(ending);
   const bool sequence = flags.format == "ply-sequence";  // a folder may have any name
   if (meant == endings.end() && !ending.empty() && !sequence)

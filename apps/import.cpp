@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -16,6 +15,7 @@
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/ply_comments.hpp"
 #include "optim/formats/splat_table.hpp"
+#include "runtime/base/lower.hpp"
 #include "runtime/base/output.hpp"
 
 namespace gflow {
@@ -45,8 +45,7 @@ PlyTable moment_of(const ImportFlags& flags) {
 }
 
 void run_import(const ImportFlags& flags) {
-  std::string ending = std::filesystem::path(flags.output).extension().string();
-  for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+  const std::string ending = lower(std::filesystem::path(flags.output).extension().string());
   if (ending != ".ply")
     throw Error(
         fmt::format("importing to {}: the output is a PLY; end its name in .ply", flags.output));

@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -22,6 +21,7 @@
 #include "optim/formats/splat_table.hpp"
 #include "optim/images/video.hpp"
 #include "optim/scene/readers/reader_util.hpp"
+#include "runtime/base/lower.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/is_zip.hpp"
@@ -245,8 +245,7 @@ Json info_of(const Scene& scene, const std::string& path) {
 // Whether a file is certainly no video, so that trying to read one would only make the error
 // longer.
 bool is_no_video(const std::string& path) {
-  std::string ending = fs::path(path).extension().string();
-  for (char& c : ending) c = char(std::tolower(static_cast<unsigned char>(c)));
+  const std::string ending = lower(fs::path(path).extension().string());
   constexpr std::array splats = {".ply", ".splat",  ".spz", ".4dgs",
                                  ".sog", ".ksplat", ".glb", ".gltf"};
   return is_zip(path) || std::find(splats.begin(), splats.end(), ending) != splats.end();

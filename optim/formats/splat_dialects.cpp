@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
@@ -13,6 +12,7 @@
 
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/lower.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
@@ -212,9 +212,8 @@ void warn_of_doubts(const PlyTable& table, const std::string& path) {
 
 bool is_antialiased(const std::vector<std::string>& comments) {
   bool antialiased = false;
-  for (std::string comment : comments) {
-    for (char& c : comment) c = char(std::tolower(static_cast<unsigned char>(c)));
-    std::istringstream words(comment);
+  for (const std::string& comment : comments) {
+    std::istringstream words(lower(comment));
     std::string key, value;
     words >> key >> value;
     if (key == "splatrendermode:") antialiased = value == "mip";

@@ -16,6 +16,7 @@
 #include "optim/formats/splat_dialects.hpp"
 #include "optim/formats/spz.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/lower.hpp"
 #include "runtime/base/warning.hpp"
 #include "runtime/files/atomic_file.hpp"
 #include "runtime/files/is_zip.hpp"
@@ -141,8 +142,7 @@ SplatFormat splat_format(const std::string& path) {
     return is_compressed(ply_vertex_properties(path)) ? SplatFormat::compressed_ply
                                                       : SplatFormat::ply;
   if (first == "NGS" || first.substr(0, 2) == "\x1f\x8b") return SplatFormat::spz;
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = char(std::tolower(c));
+  const std::string extension = lower(std::filesystem::path(path).extension().string());
   if (extension == ".splat") return SplatFormat::splat;
   if (extension != ".sog" && is_zip(path))  // .sog is a zip archive of images
     throw Error("cannot read " + path + ": it is a zip archive; unpack it first");

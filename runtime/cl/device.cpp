@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "runtime/base/lower.hpp"
 #include "runtime/cl/pocl_cache.hpp"
 
 namespace gflow {
@@ -94,12 +95,6 @@ std::vector<cl::Device> all_devices() {
   }
   if (all.empty()) throw Error(no_device_message());
   return all;
-}
-
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return text;
 }
 
 bool is_index(const std::string& text) {

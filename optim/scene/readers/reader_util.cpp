@@ -14,6 +14,7 @@
 
 #include "optim/scene/readers/colmap_model.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/lower.hpp"
 #include "runtime/base/printable.hpp"
 
 namespace gflow {
@@ -30,11 +31,6 @@ std::vector<std::string> list(const std::string& folder, Keep keep) {
   }
   std::sort(names.begin(), names.end(), natural_less);
   return names;
-}
-
-std::string lower(std::string text) {
-  for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
-  return text;
 }
 
 std::string as_upper(std::string text) {
