@@ -16,6 +16,7 @@
 #include "optim/formats/ply_comments.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "runtime/base/lower.hpp"
+#include "runtime/base/option.hpp"
 #include "runtime/base/output.hpp"
 
 namespace gflow {
@@ -53,8 +54,8 @@ void run_import(const ImportFlags& flags) {
   require_no_file_of_run(flags.output);
   const SplatFormat format = format_wanted(flags);
   if (flags.time && format != SplatFormat::four_dgs)
-    throw Error(fmt::format("--time is only for .4dgs files; {} is {}", flags.input,
-                            names_of(format)[size_t(format)]));
+    throw Error(
+        fmt::format("--time is only for .4dgs files; {} is {}", flags.input, name_of(format)));
   PlyTable table = format == SplatFormat::four_dgs
                        ? moment_of(flags)
                        : read_splats(flags.input, format, flags.undrawable);
@@ -76,8 +77,8 @@ void run_import(const ImportFlags& flags) {
             flags.input, i, standard.head().names[c]));
   };
   write_ply(flags.output, standard.head(), copy_finite);
-  print_result("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input,
-               names_of(format)[size_t(format)], flags.output, table.rows);
+  print_result("read      {}, {}\nwritten   {}, {} Gaussians\n", flags.input, name_of(format),
+               flags.output, table.rows);
 }
 
 }  // namespace

@@ -145,8 +145,7 @@ Json info_of_model(const HostModel& model, const std::string& path, const std::s
 Json info_of_splats(const std::string& path, Undrawable undrawable) {
   const SplatFormat format = splat_format(path);
   if (format == SplatFormat::four_dgs) return info_of_four_dgs(path);
-  return info_of_model(read_model(path, undrawable), path, names_of(format)[size_t(format)],
-                       fs::file_size(path));
+  return info_of_model(read_model(path, undrawable), path, name_of(format), fs::file_size(path));
 }
 
 Json info_of_run(const std::string& path, int iteration) {

@@ -120,7 +120,7 @@ void read_tables(const std::string& path, HostModel& model) {
   if (!std::filesystem::exists(path))
     throw Error(fmt::format(
         "the motion of this {} model is in {}, which does not exist: it must be next to the PLY",
-        names_of(model.shape.motion)[size_t(model.shape.motion)], path));
+        name_of(model.shape.motion), path));
   size_t expected_bytes = always_plausible;  // initial values are equal and compress well
   for (const TableSpec& table : tables)
     for (const GroupSpec& group : table.groups)
@@ -221,7 +221,7 @@ void write_model(const std::string& path, const HostModel& model) {
   PlyTable table;
   table.rows = model.count;
   const MotionModelKind kind = model.shape.motion;
-  table.comments = {std::string("gflow ") + names_of(kind)[size_t(kind)]};
+  table.comments = {std::string("gflow ") + name_of(kind)};
   MotionShape::fields(model.shape, [&](const char* name, auto value, double, double) {
     table.comments.push_back(fmt::format("{} {}", name, value));
   });

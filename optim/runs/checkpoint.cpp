@@ -29,8 +29,7 @@ constexpr const char* kFacts = "facts";
 constexpr double kFarthest = 1e15;  // [scene units] beyond it a double has no fractions
 
 OrderedJson json_of(const ModelShape& shape) {
-  OrderedJson json{{"motion", names_of(shape.motion)[size_t(shape.motion)]},
-                   {"sh_degree", shape.sh_degree}};
+  OrderedJson json{{"motion", name_of(shape.motion)}, {"sh_degree", shape.sh_degree}};
   MotionShape::fields(shape,
                       [&](const char* name, auto value, double, double) { json[name] = value; });
   json["origin"] = shape.origin;

@@ -69,7 +69,7 @@ RunState read_place(const RunFolder& run, const Place& place) {
   }
   const MotionModelKind motion = state.model.shape.motion;
   state.facts = facts_at(run, place.iteration);
-  state.facts.motion = names_of(motion)[size_t(motion)];
+  state.facts.motion = name_of(motion);
   return state;
 }
 

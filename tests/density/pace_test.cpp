@@ -12,9 +12,7 @@ INSTANTIATE_TEST_SUITE_P(Motion, PaceOf,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
                                          MotionModelKind::hexplane),
-                         [](const auto& info) {
-                           return std::string(names_of(info.param)[size_t(info.param)]);
-                         });
+                         [](const auto& info) { return std::string(name_of(info.param)); });
 
 // Visible for 4.9 lifetimes in a video of length 10; for the fourth lifetime that exceeds the
 // video.

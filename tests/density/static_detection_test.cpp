@@ -109,9 +109,7 @@ class StaticRows : public testing::TestWithParam<MotionModelKind> {};
 INSTANTIATE_TEST_SUITE_P(Motion, StaticRows,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases),
-                         [](const auto& info) {
-                           return std::string(names_of(info.param)[size_t(info.param)]);
-                         });
+                         [](const auto& info) { return std::string(name_of(info.param)); });
 
 TEST_P(StaticRows, StaticGaussiansAreShownAsThoseThatMoveAtNoSpeed) {
   TwoCopies made(static_shape(GetParam()));

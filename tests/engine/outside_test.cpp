@@ -23,7 +23,7 @@ INSTANTIATE_TEST_SUITE_P(
                      testing::Values(0, 1)),
     [](const auto& info) {
       const MotionModelKind kind = std::get<0>(info.param);
-      return fmt::format("{}_{}", names_of(kind)[size_t(kind)], std::get<1>(info.param));
+      return fmt::format("{}_{}", name_of(kind), std::get<1>(info.param));
     });
 
 // Maximum absolute value of a group: needles, large and small Gaussians that cross the view.

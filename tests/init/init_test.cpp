@@ -329,9 +329,7 @@ TEST_P(EveryMotionModel, IsGivenAVelocityOnTheHostAndMovesByItOnTheDevice) {
 INSTANTIATE_TEST_SUITE_P(All, EveryMotionModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes),
-                         [](const auto& test) {
-                           return std::string(names_of(test.param)[size_t(test.param)]);
-                         });
+                         [](const auto& test) { return std::string(name_of(test.param)); });
 
 }  // namespace
 }  // namespace gflow

@@ -49,9 +49,7 @@ INSTANTIATE_TEST_SUITE_P(All, EveryCutModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
                                          MotionModelKind::hexplane),
-                         [](const auto& test) {
-                           return std::string(names_of(test.param)[size_t(test.param)]);
-                         });
+                         [](const auto& test) { return std::string(name_of(test.param)); });
 
 TEST(LinearPieces, StraightPathsAreOnePieceEach) {
   Queue queue = test_queue();

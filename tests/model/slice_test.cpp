@@ -77,9 +77,7 @@ TEST_P(EverySlicedModel, LooksFromAFileLikeTheModelAtItsTime) {
 INSTANTIATE_TEST_SUITE_P(All, EverySlicedModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases),
-                         [](const auto& test) {
-                           return std::string(names_of(test.param)[size_t(test.param)]);
-                         });
+                         [](const auto& test) { return std::string(name_of(test.param)); });
 
 }  // namespace
 }  // namespace gflow

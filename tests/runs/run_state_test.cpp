@@ -60,7 +60,7 @@ INSTANTIATE_TEST_SUITE_P(Models, StateOfCheckpoint,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
                                          MotionModelKind::hexplane),
-                         [](const auto& info) { return names_of(info.param)[size_t(info.param)]; });
+                         [](const auto& info) { return name_of(info.param); });
 
 // A run of 3000 steps with the files that a test adds.
 class RunStateTest : public testing::Test {

@@ -84,12 +84,11 @@ TEST_F(LeftOutOfTraining, TheRowsOfOtherMomentsAndThisChangesNoBit) {
         return training.trainer.state(queue);
       };
       const Arrays listed = state_with(true), all = state_with(false);
-      EXPECT_LT(fewest, 3 * there / 4) << names_of(kind)[size_t(kind)];
+      EXPECT_LT(fewest, 3 * there / 4) << name_of(kind);
       EXPECT_EQ(most_static > 0, with_static);
       ASSERT_EQ(listed.size(), all.size());
       for (const auto& [name, array] : listed)
-        EXPECT_TRUE(array.values == all.at(name).values)
-            << names_of(kind)[size_t(kind)] << " " << name;
+        EXPECT_TRUE(array.values == all.at(name).values) << name_of(kind) << " " << name;
     }
 }
 

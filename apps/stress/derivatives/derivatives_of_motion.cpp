@@ -476,7 +476,7 @@ std::vector<Derivative> motion_derivatives(Queue& queue) {
   for (const auto& [kind, text] : texts) {
     std::string groups;
     const double to_double = device_error(queue, shape_of(kind), groups);
-    rows.push_back({names_of(kind)[size_t(kind)], groups, to_double, text(), 1e-4, 1e-6});
+    rows.push_back({name_of(kind), groups, to_double, text(), 1e-4, 1e-6});
   }
   rows.push_back(plane_rule_row(queue));
   rows.push_back(motion_loss_row(queue));

@@ -195,7 +195,7 @@ class PoisonedModel {
  public:
   PoisonedModel(Queue& queue, MotionModelKind kind)
       : queue_(queue),
-        name_(names_of(kind)[size_t(kind)]),
+        name_(name_of(kind)),
         scene_(queue, kind),
         exemplars_(queue, scene_),
         clean_(scene_.draw()) {}
