@@ -18,7 +18,7 @@ namespace gflow {
 namespace {
 
 // Settings whose name contains the word. Advanced settings are included if `all_levels` is set or a
-// word is given. Throws an Error that names the nearest setting if none matches.
+// word is given. If none matches, throws an Error that names the nearest setting if one is near.
 std::vector<SettingInWords> settings_named(const std::string& word, bool all_levels) {
   const std::vector<SettingInWords> all = settings_in_words({});
   std::vector<SettingInWords> found;
@@ -34,8 +34,11 @@ std::vector<SettingInWords> settings_named(const std::string& word, bool all_lev
   };
   const auto nearest = std::min_element(
       all.begin(), all.end(), [&](const auto& a, const auto& b) { return apart(a) < apart(b); });
-  throw Error(fmt::format("settings {}: no setting has this in its name; the nearest is {}",
-                          excerpt(word), nearest->name));
+  // As for --set, half of the letters of a key may differ: section.key also has a right section.
+  const size_t letters = word.size() - (word.rfind('.') + 1);  // npos + 1 is 0
+  throw Error(fmt::format("settings {}: no setting has this in its name; {}", excerpt(word),
+                          2 * apart(*nearest) <= letters ? "the nearest is " + nearest->name
+                                                         : "`gflow settings --all` lists them"));
 }
 
 // What each section of settings is about, by its name.

@@ -181,7 +181,7 @@ std::string nearest_in_words(const std::string& name, const std::string& nearest
 }
 
 // Distance: the key counts twice and the section at most 3, so that a right key in a wrong section
-// is found.
+// is found. A key that is a section means its weight: loss.flow is near flow.weight.
 std::string nearest_setting(const std::string& name, const std::string& section,
                             const std::string& key) {
   std::string nearest;
@@ -189,7 +189,8 @@ std::string nearest_setting(const std::string& name, const std::string& section,
   TrainOptions config;
   for_each_setting(
       config, [&](const std::string& its_section, const std::string& its_key, auto&&...) {
-        const size_t keys = edit_distance(key, its_key);
+        const bool is_weight = key == its_section && its_key == "weight";
+        const size_t keys = is_weight ? 0 : edit_distance(key, its_key);
         const size_t distance = 2 * keys + std::min<size_t>(edit_distance(section, its_section), 3);
         if (distance >= best) return;
         best = distance;

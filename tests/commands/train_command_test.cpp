@@ -338,6 +338,8 @@ TEST_F(CommandTest, SettingsListsWhatTrainingMayBeTold) {
   EXPECT_EQ(json["skip.masks"]["allowed"], "true or false");
   EXPECT_FALSE(json.contains("flow.every"));
   expect_refused({"settings", "wieght"}, {"settings wieght: no setting", "weight"});
+  for (const char* word : {"nosuch", "motion.nosuch"})
+    expect_refused({"settings", word}, {"no setting has this in its name; `gflow settings --all`"});
 }
 
 TEST_F(CommandTest, SettingsEndsWithHowManyOfAllItShows) {

@@ -166,6 +166,7 @@ TEST(Config, ARightKeyInAWrongSectionIsFound) {
   EXPECT_CONTAINS(message_of_setting("densty.enabled=true"), "'density.enabled'");
   EXPECT_CONTAINS(message_of_file("iterations = 5\n"), "'train.iterations'");
   EXPECT_CONTAINS(message_of_file("[trian]\n"), "[train]");
+  EXPECT_CONTAINS(message_of_setting("loss.flow=3"), "'flow.weight'");
 }
 
 TEST(Config, WhereNoNameIsNearNoneIsGuessed) {
