@@ -99,7 +99,7 @@ Result run_skip(StepOptions o, const GlobalOptions& options) {
              single("colour values", c.work.color_values),
              single("intersections", c.work.touched.intersections),
              single("tiles with flow", c.work.tiles_with_flow),
-             single("on the way back", c.work.tiles_back),
+             single("in the backward pass", c.work.tiles_back),
              single("bytes [1e6]", 1e-6 * bytes_of(c.work.touched)),
              single("pairs in cells", c.work.pairs.masked),
              single("pairs back", c.work.pairs.back),

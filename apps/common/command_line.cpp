@@ -137,7 +137,7 @@ CLI::Validator list_entry() {
 void add_strict(CLI::App& command, Undrawable& undrawable) {
   command.add_flag_callback(
       "--strict", [&undrawable] { undrawable = Undrawable::refused; },
-      "Refuse a splat file with Gaussians that cannot be drawn (NaN, Inf or the rotation 0 0 0 0) "
+      "Reject a splat file with Gaussians that cannot be drawn (NaN, Inf or the rotation 0 0 0 0) "
       "instead of leaving them out");
 }
 

@@ -25,7 +25,7 @@ CLI::Validator path_given();
 // argument.
 CLI::Validator list_entry();
 
-// Adds --strict: a splat file with Gaussians that cannot be drawn is refused.
+// Adds --strict: a splat file with Gaussians that cannot be drawn is rejected.
 void add_strict(CLI::App& command, Undrawable& undrawable);
 
 // The message for a command line that `app` rejected with `problem`. Names the nearest command or

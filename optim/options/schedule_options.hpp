@@ -94,8 +94,9 @@ struct LearningRateOptions {
     field("weights", self.weights, advanced("blending weights of the bases, before the softmax"),
           at_least(0));
     field("motion", self.motion,
-          "velocities, accelerations and rotations: motion per step at the ends of a lifetime [x "
-          "that in its middle]",
+          "multiplier of the learning rates of motion (velocities, accelerations, rotation rates, "
+          "keys, bases, hexplane); 1: per step, a Gaussian moves as far at the ends of its "
+          "lifetime as in its middle",
           at_least(0));
     field("planes", self.planes, advanced("hexplane planes at the first step"), at_least(0));
     field("planes_final", self.planes_final,

@@ -74,7 +74,7 @@ void require_no_training(const RunFolder& run) {
                     "--overwrite starts over",
                     run.folder(), step, all, resuming_command(run, former)));
   throw Error(fmt::format(
-      "{} holds a finished training{}: name another folder, or replace it with --overwrite",
+      "{} contains a finished run{}: name another folder, or replace it with --overwrite",
       run.folder(), former.scene.path.empty() ? "" : " of " + former.scene.path));
 }
 

@@ -281,7 +281,7 @@ void set_masks(Scene& scene, const SceneOptions& options) {
   }
   if (masked < all)
     scene.notices.push_back(
-        fmt::format("{} of {} images have a mask; of the others all pixels count", masked, all));
+        fmt::format("{} of {} images have a mask; in the others all pixels count", masked, all));
   scene.masks_ignore = options.masks != Masks::alpha;
   if (options.masks == Masks::automatic)
     scene.notices.push_back(
@@ -342,7 +342,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
       scene.points.size() >= enough && seen < 0.5)
     scene.notices.push_back(
         fmt::format("only {:.0f} % of the points of {} are in view of a training camera: they may "
-                    "be of another world than the cameras",
+                    "use another coordinate system than the cameras",
                     100 * seen, scene.points.source));
   return scene;
 }

@@ -75,8 +75,8 @@ struct SceneOptions {
           "name");
     field("masks", self.masks,
           "mask images (mask_path of nerfstudio, masks/ of COLMAP, seg/ of Panoptic): black pixels "
-          "are left out of losses and metrics (ignore) or transparent (alpha); auto: ignore, "
-          "without seg/, which labels what moves; none: no masks");
+          "are left out of losses and metrics (ignore) or transparent (alpha); none: no masks; "
+          "auto: ignore. seg/ of Panoptic, which labels what moves, is used with alpha only");
     field("cameras", self.cameras,
           "file with the camera, or with one camera per image: cameras.json or transforms.json; "
           "empty: a static camera by scene.elevation, radius and fovy (Consistent4D, video)");

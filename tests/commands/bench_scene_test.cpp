@@ -167,7 +167,7 @@ TEST(Bench, SkipTellsWhatEachSavesAndChanges) {
   EXPECT_EQ(rows["without masks"]["pairs blended"], all["pairs blended"]);
   EXPECT_LE(all["posed"], all["listed"]);
   EXPECT_LE(all["listed"], rows["without culled"]["listed"]);
-  // What is left out of the way back, of the second time, of flow and of colour.
+  // What is left out of the backward pass, of the second time, of flow and of colour.
   EXPECT_GE(rows["without zero_gradients"]["pairs back"], all["pairs back"]);
   EXPECT_EQ(rows["without zero_gradients"]["pairs back"],
             rows["without zero_gradients"]["pairs in cells"]);

@@ -207,7 +207,7 @@ def killed_beside_another(world):
         begun = has_begun(replaced.run)
         outcome = ended(waiting)
         if not begun:
-            wrong += complaints(outcome, (1,), ["holds a finished training"]) + world.differences(replaced.run)
+            wrong += complaints(outcome, (1,), ["contains a finished run"]) + world.differences(replaced.run)
         yield [f"{where}: {what}" for what in wrong]
 
 
@@ -322,7 +322,7 @@ def two_in_one_folder(world):
         both = [world.start(["train", world.scene, "-o", run, *settings()]) for _ in range(2)]
         outcomes = sorted((ended(process) for process in both), key=lambda outcome: str(outcome.code))
         wrong = complaints(outcomes[0], (0,)) + world.differences(run)
-        wrong += complaints(outcomes[1], (1,), [("being written by", "holds a finished training", "not empty")])
+        wrong += complaints(outcomes[1], (1,), [("being written by", "contains a finished run", "not empty")])
         results.append([f"race {trial + 1}: {what}" for what in wrong])
     return results
 

@@ -589,7 +589,7 @@ TEST(Colmap, MasksOfSomeImagesAreCounted) {
   make_png(folder, "masks/b.png", 16, 12, 1);
   const Scene scene = read_scene(folder.path());
   ASSERT_EQ(scene.notices.size(), 2u);
-  EXPECT_EQ(scene.notices[0], "1 of 2 images have a mask; of the others all pixels count");
+  EXPECT_EQ(scene.notices[0], "1 of 2 images have a mask; in the others all pixels count");
 }
 
 TEST(Colmap, ImagesThatAreNotRegisteredAreCountedAndTold) {

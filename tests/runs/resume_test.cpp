@@ -559,7 +559,7 @@ TEST_F(Resume, AModelWithoutItsCheckpointIsNeitherReplacedNorGoneOnWith) {
 TEST_F(Resume, AFinishedTrainingIsReplacedOnRequestOnly) {
   ASSERT_EQ(gflow(train("run", {"--iterations", "1"})).code, 0);
   std::vector<std::string> again = train("run", {"--iterations", "2"});
-  expect_refused(again, {run("run"), "a finished training of " + scene_->path(), "--overwrite"});
+  expect_refused(again, {run("run"), "a finished run of " + scene_->path(), "--overwrite"});
   EXPECT_TRUE(fs::exists(run("run") + "/results.json"));
   again.push_back("--overwrite");
   EXPECT_EQ(gflow(again).code, 0);

@@ -110,7 +110,7 @@ ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
                             std::vector<std::string>& notices) {
   if (options.cameras.empty()) {
     notices.push_back(
-        "there are no camera poses: the camera is taken to stand still, at scene.elevation and "
+        "there are no camera poses: the camera is assumed to be static, at scene.elevation and "
         "radius with scene.fovy; the poses of a moving camera are given with --cameras");
     return one_for_all(static_camera("input", 0, options, view.width, view.height), view);
   }

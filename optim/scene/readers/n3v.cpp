@@ -306,10 +306,10 @@ std::vector<std::vector<Frame>> frames_at_own_times(const std::string& folder,
   return frames;
 }
 
-// A COLMAP model of the same cameras may have its own world, as in the published recordings. Its
-// points are then aligned to the world of poses_bounds.npy, by three images or more that are named
-// like cameras, else by the order of the images if there are as many as cameras.
-// That of 4DGaussians in sparse_/ has the world of poses_bounds_multipleview.npy.
+// A COLMAP model of the same cameras may have its own coordinate system, as in the published
+// recordings. Its points are then aligned to that of poses_bounds.npy, by three images or more that
+// are named like cameras, else by the order of the images if there are as many as cameras.
+// The model of 4DGaussians in sparse_/ uses that of poses_bounds_multipleview.npy.
 PointCloud read_points(const std::string& folder, const LlffPoses& poses,
                        const std::vector<Camera>& cameras, std::vector<std::string>& notices) {
   const std::string ply = find_points_ply(folder);

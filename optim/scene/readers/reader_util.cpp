@@ -300,7 +300,7 @@ void report_other_points(const std::string& folder, std::vector<std::string>& no
   if (other != names.end())
     notices.push_back(
         fmt::format("the points of {} are not used: rename it to points3D.ply to start from them, "
-                    "if they are in the world of the cameras",
+                    "if they use the coordinate system of the cameras",
                     join(folder, *other)));
 }
 
