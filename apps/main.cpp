@@ -18,6 +18,7 @@
 #include <system_error>
 
 #include "apps/common/command_line.hpp"
+#include "apps/common/commit.hpp"
 #include "apps/common/help_text.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/signals.hpp"
@@ -80,12 +81,11 @@ std::string global_help(const CLI::App& app) {
 
 void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   app.formatter(std::make_shared<gflow::WrappedHelp>());  // inherited by the commands
-  const std::string commit = GFLOW_COMMIT;
-  app.set_version_flag("--version",
-                       fmt::format("gflow {}{}\nOpenCL: 1.2 and later\nOpenCV: {}\nFFmpeg "
-                                   "(libavformat): {}\nnetworks (OpenCV dnn): {}",
-                                   GFLOW_VERSION, commit.empty() ? "" : " (" + commit + ")",
-                                   GFLOW_OPENCV, GFLOW_LIBAV, GFLOW_NETWORKS));
+  app.set_version_flag(
+      "--version",
+      fmt::format("gflow {} (commit {})\nOpenCL: 1.2 and later\nOpenCV: {}\nFFmpeg "
+                  "(libavformat): {}\nnetworks (OpenCV dnn): {}",
+                  GFLOW_VERSION, gflow::kCommit, GFLOW_OPENCV, GFLOW_LIBAV, GFLOW_NETWORKS));
   app.option_defaults()->always_capture_default();
   app.add_option("--device", options.device,
                  "OpenCL device: its index in `gflow devices` or part of its name")

@@ -370,7 +370,7 @@ TEST_F(CommandTest, HelpIsThereForEveryCommand) {
   EXPECT_EQ(gflow({"--help"}).code, 0);
   const Outcome version = gflow({"--version"});
   EXPECT_EQ(version.code, 0);
-  for (const char* part : {"gflow ", "OpenCL", "OpenCV", "FFmpeg", "networks"})
+  for (const char* part : {"gflow ", "(commit ", "OpenCL", "OpenCV", "FFmpeg", "networks"})
     EXPECT_NE(version.out.find(part), std::string::npos) << version.out;
   for (const char* command : {"train", "render", "eval", "splat", "devices"}) {
     const Outcome outcome = gflow({command, "--help"});
