@@ -12,7 +12,7 @@ install(FILES ${CMAKE_BINARY_DIR}/completions/_gflow COMPONENT program
 if(HELP2MAN)
   install(DIRECTORY ${CMAKE_BINARY_DIR}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT program)
 endif()
-install(FILES README.md apps/package/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+install(FILES apps/package/README.md apps/package/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT license)  # in no package: Debian has it
 
 install(CODE "set(SOURCE \"${CMAKE_SOURCE_DIR}\")\nset(INCLUDEDIR \"${CMAKE_INSTALL_INCLUDEDIR}/gflow\")"
