@@ -22,7 +22,7 @@ bool has_own_cameras(const Scene& scene, const SceneOptions& config) {
 
 Eigen::Vector3d up_of(const Scene& scene, const TrainOptions& config) {
   const UpAxis axis = config.guidance.up;
-  const bool z = scene.layout == "blender" || !has_own_cameras(scene, config.scene);
+  const bool z = is_z_up(scene.layout) || !has_own_cameras(scene, config.scene);
   if (axis == UpAxis::x) return Eigen::Vector3d::UnitX();
   if (axis == UpAxis::y) return Eigen::Vector3d::UnitY();
   if (axis == UpAxis::z || (axis == UpAxis::automatic && z)) return Eigen::Vector3d::UnitZ();

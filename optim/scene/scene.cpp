@@ -11,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <string_view>
 
 #include "optim/scene/camera_settings.hpp"
 #include "optim/scene/near_plane.hpp"
@@ -25,25 +26,55 @@ namespace gflow {
 namespace fs = std::filesystem;
 namespace {
 
+enum Traits : unsigned {
+  kNone = 0,
+  kTakesCameras = 1,   // takes_cameras()
+  kSkipsCameras = 2,   // the reader itself applies scene.skip_cameras
+  kUsesTestEvery = 4,  // the reader chooses test images by scene.test_every
+  kZIsUp = 8,          // is_z_up()
+};
+
 struct Layout {
   const char* name;
+  const char* sign;  // files that it is recognised by, with its usual name; nullptr: not a folder
   bool (*is)(const std::string& path);
   Scene (*read)(const std::string& path, const SceneOptions& options);
+  unsigned traits;
 };
 
 bool is_video(const std::string& path) { return fs::is_regular_file(path); }
 
 // Most specific first: many folders contain transforms files or a COLMAP model in addition to the
 // files of their layout, and numbered images occur anywhere.
-constexpr Layout layouts[] = {{"video", is_video, read_video_file},
-                              {"n3v", is_n3v, read_n3v},
-                              {"panoptic", is_panoptic, read_panoptic},
-                              {"nerfies", is_nerfies, read_nerfies},
-                              {"consistent4d", has_input_view, read_consistent4d},
-                              {"blender", is_blender, read_blender},
-                              {"nerfstudio", is_nerfstudio, read_nerfstudio},
-                              {"colmap", is_colmap, read_colmap},
-                              {"consistent4d", has_numbered_images, read_consistent4d}};
+constexpr Layout layouts[] = {
+    {"video", nullptr, is_video, read_video_file, kTakesCameras},
+    {"n3v", "poses_bounds.npy (N3V)", is_n3v, read_n3v, kSkipsCameras},
+    {"panoptic", "train_meta.json (Panoptic)", is_panoptic, read_panoptic, kNone},
+    {"nerfies", "dataset.json and metadata.json (nerfies)", is_nerfies, read_nerfies, kNone},
+    {"consistent4d", "input/ (Consistent4D)", has_input_view, read_consistent4d, kTakesCameras},
+    {"blender", "transforms_train.json (Blender, D-NeRF)", is_blender, read_blender, kZIsUp},
+    {"nerfstudio", "transforms.json (nerfstudio)", is_nerfstudio, read_nerfstudio, kNone},
+    {"colmap", "sparse/ or sparse/0/ (COLMAP)", is_colmap, read_colmap, kUsesTestEvery},
+    {"consistent4d", "numbered images 0.png, 1.png, ...", has_numbered_images, read_consistent4d,
+     kTakesCameras}};
+
+// Whether layouts of that name have a trait. A scene in memory has no layout.
+bool has_trait(std::string_view layout, Traits trait) {
+  return std::any_of(std::begin(layouts), std::end(layouts), [&](const Layout& other) {
+    return layout == other.name && (other.traits & trait) != 0;
+  });
+}
+
+// "a, b and c": what folders are recognised by.
+std::string signs_in_words() {
+  std::string words;
+  for (const Layout& layout : layouts) {
+    const bool last = &layout == std::end(layouts) - 1;
+    if (layout.sign)
+      words += (words.empty() ? "" : last ? " and " : ", ") + std::string(layout.sign);
+  }
+  return words;
+}
 
 // The layout of a folder whose cameras have poses, or nullptr.
 const Layout* layout_with_poses(const std::string& folder) {
@@ -92,12 +123,8 @@ Scene read_recognised(const std::string& path, const SceneOptions& options) {
     throw Error(fmt::format("{} has no known scene layout, but folders in it have: give one of {}",
                             path, below));
   throw Error(fmt::format(
-      "{} has no known scene layout: looked for poses_bounds.npy (N3V), train_meta.json "
-      "(Panoptic), dataset.json and metadata.json (nerfies), input/ (Consistent4D), "
-      "transforms_train.json (Blender, D-NeRF), transforms.json (nerfstudio), sparse/ or sparse/0/ "
-      "(COLMAP) "
-      "and numbered images 0.png, 1.png, ...; for a video, give the path of the file",
-      path));
+      "{} has no known scene layout: looked for {}; for a video, give the path of the file", path,
+      signs_in_words()));
 }
 
 void check(const SceneOptions& options) {
@@ -297,7 +324,7 @@ void complete_scene(Scene& scene, const SceneOptions& options,
   if (scene.train.empty())
     throw Error(fmt::format("{} has no training images: all {} are test images{}", place_of(scene),
                             scene.test.size(),
-                            scene.layout == "colmap" ? " (scene.test_every)" : ""));
+                            has_trait(scene.layout, kUsesTestEvery) ? " (scene.test_every)" : ""));
   if (options.fps > 0) scene.fps = options.fps;
   if (scene.fps <= 0) scene.fps = 24;
   if (scene.steps == 0) {
@@ -331,7 +358,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
-  if (scene.layout != "n3v") skip_cameras(scene, options.skip_cameras);
+  if (!has_trait(scene.layout, kSkipsCameras)) skip_cameras(scene, options.skip_cameras);
   shift_times(scene, options.time_offsets);
   complete_scene(scene, options, origin);
   if (scene.points.size() > 0 && scene.points.rgb.empty())
@@ -381,9 +408,9 @@ bool are_training_images(const Scene& scene, const std::vector<Frame>& frames) {
                      [&](const Frame& frame) { return trained.count(image_id(frame)) > 0; });
 }
 
-bool takes_cameras(std::string_view layout) {
-  return layout == "video" || layout == "consistent4d";
-}
+bool takes_cameras(std::string_view layout) { return has_trait(layout, kTakesCameras); }
+
+bool is_z_up(std::string_view layout) { return has_trait(layout, kZIsUp); }
 
 std::string layout_of(const std::string& path) {
   for (const Layout& layout : layouts)

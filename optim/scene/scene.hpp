@@ -39,7 +39,7 @@ struct Frame {
 // The contents of a scene. Frames of train, test and val are sorted by track, then time.
 struct Scene {
   std::string name;    // name of the folder, or of the video without extension
-  std::string layout;  // video, n3v, panoptic, nerfies, consistent4d, blender, nerfstudio or colmap
+  std::string layout;  // its name in the table of scene.cpp; empty for a scene in memory
   std::string folder;  // folder of the scene, or path of the video
   std::vector<Camera> cameras;
   std::vector<Frame> train, test, val;
@@ -96,6 +96,8 @@ bool are_training_images(const Scene& scene, const std::vector<Frame>& frames);
 
 // Whether a layout has no cameras of its own, so that SceneOptions::cameras may supply them.
 bool takes_cameras(std::string_view layout);
+// Whether z points up in all scenes of a layout.
+bool is_z_up(std::string_view layout);
 // Scene::layout of a folder or video; empty if none fits.
 std::string layout_of(const std::string& path);
 
