@@ -280,6 +280,22 @@ TEST(Ply, TakesDamagedTextForNoOtherNumbers) {
   expect_error([&] { read("1 2\n3 +-4\n"); }, {"'+-4' in line 8 is not a number"});
 }
 
+TEST(Ply, PointsWithoutAPlaceAreLeftOutAndColorsMayHave16Bits) {
+  const TemporaryFolder folder;
+  const std::string path = folder.write(
+      "a.ply",
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
+      "float z\nproperty ushort red\nproperty ushort green\nproperty ushort blue\nend_header\n"
+      "1 2 3 51400 25700 65535\n1 inf 3 0 0 0\n4 5 6 0 0 0\n");
+  testing::internal::CaptureStderr();
+  const PointCloud points = read_point_cloud(path);
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("1 of the 3 points in " + path),
+            std::string::npos);
+  EXPECT_EQ(points.xyz, (std::vector<double>{1, 2, 3, 4, 5, 6}));
+  EXPECT_EQ(points.rgb, (std::vector<uint8_t>{200, 100, 255, 0, 0, 0}));
+  EXPECT_EQ(points.source, path);
+}
+
 TEST(Ply, RefusesPositionsThatAreNotFinite) {
   const TemporaryFolder folder;
   expect_error(
@@ -288,7 +304,7 @@ TEST(Ply, RefusesPositionsThatAreNotFinite) {
                                       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
                                       "property float y\nproperty float z\nend_header\n0 nan 1\n"));
       },
-      {"vertex 0", "NaN, Inf"});
+      {"1 of the 1 points", "NaN, infinite"});
   expect_error(
       [&] {
         read_point_cloud(
@@ -296,7 +312,7 @@ TEST(Ply, RefusesPositionsThatAreNotFinite) {
                          "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
                          "property float y\nproperty float z\nend_header\n0 1e19 1\n"));
       },
-      {"vertex 0", "beyond 1e+18"});
+      {"1 of the 1 points", "beyond 1e+18"});
 }
 
 TEST(Ply, RowsMayLieAcrossThePiecesOfAFile) {

@@ -214,6 +214,32 @@ TEST(VideoAlpha, IsThatOfTheScene) {
   EXPECT_FALSE(read_scene(make(folder, "c.mov", "-c:v qtrle -pix_fmt argb")).has_alpha);  // opaque
 }
 
+TEST(VideoAlpha, OfAPaletteIsThatOfTheFrames) {
+  const TemporaryFolder folder;
+  const std::string path = make(folder, "a.mov", "-c:v png -pix_fmt pal8",
+                                "format=rgba,geq=r=r(X\\,Y):g=g(X\\,Y):b=b(X\\,Y):a=gte(X\\,32)*"
+                                "255,split[a][b];[a]palettegen[p];"
+                                "[b][p]paletteuse");
+  const Image image = Video(path).frame(0);
+  ASSERT_EQ(image.channels, 4);
+  EXPECT_EQ(image.pixels[3], 0);
+  EXPECT_EQ(image.pixels[4 * 63 + 3], 255);
+}
+
+// The index of a file that begins with it states all frames, however many are there.
+TEST(VideoFrames, AreNotMoreThanThePacketsOfAFile) {
+  const TemporaryFolder folder;
+  const std::string path = make(
+      folder, "a.mp4", "-c:v libx264 -g 1 -movflags +faststart -pix_fmt yuv420p", "noise=alls=80");
+  const std::string whole = contents(path);
+  const std::string half = folder.write("half.mp4", whole.substr(0, whole.size() / 2));
+  EXPECT_EQ(video_info(path).frames, 6);
+  EXPECT_EQ(video_info(path).times.size(), 6u);
+  EXPECT_NEAR(video_info(path).times[2], 2 / 12., 1e-4);
+  EXPECT_LT(video_info(half).frames, 5);
+  EXPECT_GE(video_info(half).frames, 2);
+}
+
 // Code values of grey at 1 and 203 cd/m2 and beyond (SMPTE ST 2084).
 TEST(VideoHdr, IsToneMappedToTheRangeOfAScreen) {
   const auto shown = [](double code) {

@@ -57,6 +57,12 @@ TEST(ApplySetting, TakesNumbersAsPeopleWriteThem) {
   EXPECT_EQ(config.flow.weight, 2.f);
 }
 
+TEST(ApplySetting, TakesAListOfNamesAsTextWithCommas) {
+  TrainOptions config;
+  apply_setting(config, "scene.skip_cameras=[\"cam03\", \"cam13\"]");
+  EXPECT_EQ(config.scene.skip_cameras, "cam03,cam13");
+}
+
 // As in a file: TOML has no hexadecimal fractions.
 TEST(ApplySetting, TakesNoHexadecimalFractions) {
   for (const std::string text : {"0x1p-2", "0x.8", "0X1P3"})

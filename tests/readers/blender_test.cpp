@@ -107,6 +107,8 @@ TEST(Blender, CamerasMayBeLeftOutAndShiftedInTime) {
   ASSERT_EQ(scene.train.size(), 2u);
   EXPECT_EQ(scene.train[1].name, "train_c");
   EXPECT_EQ(scene.train[1].step, 1);
+  options.skip_cameras = "b.png";  // the end of the name, with the image's extension
+  EXPECT_EQ(read_scene(folder.path(), options).train.size(), scene.train.size());
   options.skip_cameras = "train_c";
   expect_error([&] { read_scene(folder.path(), options); }, {"'train_c'", "train_a, train_b"});
 }

@@ -422,3 +422,34 @@ TEST(N3v, CamerasWithoutACommonFrameAreRefused) {
   make_poses(folder, 2);
   expect_error([&] { read_scene(folder.path()); }, {"no frame in common"});
 }
+
+TEST(N3v, VideosOfDifferentRatesKeepTheirOwnTimes) {
+  const TemporaryFolder folder;
+  make_poses(folder, 3);
+  for (const auto& [name, frames, fps] :
+       {std::tuple{"cam00", 11, 10.}, {"cam01", 12, 10.}, {"cam02", 6, 5.}}) {
+    std::vector<Image> images;
+    for (int k = 0; k < frames; ++k) images.push_back(pattern(8, 6, 3, k));
+    make_mp4(folder.file(std::string(name) + ".mp4"), images, fps);
+  }
+  const Scene scene = read_scene(folder.path());
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("different frame rates"), std::string::npos);
+  EXPECT_EQ(scene.steps, 11);
+  EXPECT_NEAR(scene.fps, 10, 1e-6);
+  EXPECT_EQ(scene.test.size(), 11u);  // of the first camera
+  ASSERT_EQ(scene.train.size(), 17u);
+  const Frame& second = scene.train[12];  // of the slow camera, at 0.2 of 1 s
+  EXPECT_EQ(second.video_frame, 1);
+  EXPECT_NEAR(second.time, 0.2, 1e-6);
+  EXPECT_EQ(second.step, 2);
+}
+
+TEST(N3v, MasksThatAreNotReadAreTold) {
+  const TemporaryFolder folder;
+  make_n3v(folder);
+  make_png(folder, "masks/cam00/0000.png", 8, 6, 1);
+  const Scene scene = read_scene(folder.path());
+  ASSERT_EQ(scene.notices.size(), 1u);
+  EXPECT_NE(scene.notices[0].find("/masks are not used"), std::string::npos);
+}

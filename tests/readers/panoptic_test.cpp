@@ -86,6 +86,9 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   write_npz(folder.file("init_pt_cld.npz"),
             {{"data", {{1, 7}, std::vector<double>{1, 2, 3, 0, 0.5, 1, 1}}}});
   SceneOptions options;
+  options.masks = Masks::ignore;
+  EXPECT_FALSE(read_scene(folder.path(), options).train[0].mask_path.empty());
+  EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
   options.masks = Masks::alpha;
   const Scene scene = read_scene(folder.path(), options);
   EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));

@@ -254,6 +254,19 @@ TEST(FrameStore, AMaskMaySayWhichPixelsCount) {
   EXPECT_EQ(FrameStore(scene).counted(scene.train[0])->pixels, mask.pixels);
 }
 
+TEST(FrameStore, AMaskThatIsBlackEverywhereIsTold) {
+  const TemporaryFolder folder;
+  Scene scene = make_scene(folder, 3);
+  write_png(folder.file("masks/black.png"), {8, 6, 1, std::vector<uint8_t>(48)});
+  scene.train[0].mask_path = folder.file("masks/black.png");
+  scene.masks_ignore = true;
+  FrameStore store(scene);
+  testing::internal::CaptureStderr();
+  store.counted(scene.train[0]);
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("black.png is black everywhere"),
+            std::string::npos);
+}
+
 TEST(FrameStore, AMaskOfAnotherSizeIsRefusedWithBothSizes) {
   const TemporaryFolder folder;
   Scene scene = make_scene(folder, 3);
