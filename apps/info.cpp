@@ -174,7 +174,8 @@ Json info_of_video(const std::string& path) {
           {"interlaced", video.interlaced},
           {"bits", video.bits},
           {"colors", video.colors},
-          {"frame_rate", video.variable ? "variable" : "constant"}};
+          {"frame_rate", video.variable ? "variable; fps is the average" : "constant"},
+          {"seconds", video.times.empty() ? video.seconds : video.times.back() + 1 / video.fps}};
 }
 
 // Distinct times of the training frames in [0, 1].
@@ -237,7 +238,10 @@ Json info_of(const Scene& scene, const std::string& path) {
     info["points_file"] = scene.points.source;
     info["points_in_view"] = share_of_points_in_view(scene);
   }
-  info.update({{"extent", scene.extent}, {"origin", scene.origin}, {"notices", scene.notices}});
+  info.update({{"extent", scene.extent},
+               {"near_plane", scene.near_plane},
+               {"origin", scene.origin},
+               {"notices", scene.notices}});
   return info;
 }
 
@@ -316,7 +320,8 @@ std::string text_of(const Json& value) {
 
 // Units of the printed values, by their JSON key.
 std::string unit_of(const std::string& key) {
-  if (key == "bounds" || key == "scale" || key == "extent") return " [scene units]";
+  if (key == "bounds" || key == "scale" || key == "extent" || key == "near_plane")
+    return " [scene units]";
   if (key == "lifetime") return " [lengths of the video]";
   if (key == "duration") return " [model time]";
   return "";

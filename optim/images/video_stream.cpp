@@ -156,10 +156,9 @@ void VideoStream::open(const std::string& path) {
   if (code < 0) fail(fmt::format("its {} stream cannot be decoded: {}", name, why(code)));
 }
 
-void VideoStream::note_damage(const AVPacket* packet, int code) {
+void VideoStream::note_damage(int64_t stamp, int code) {
   const std::string said = messages_.take();
   if (!is_first_damage(path_)) return;
-  const int64_t stamp = packet ? packet->pts : AV_NOPTS_VALUE;
   const std::string place =
       stamp == AV_NOPTS_VALUE
           ? ""
@@ -176,14 +175,15 @@ bool VideoStream::feed() {
   if (code < 0) {
     ended_ = true;
     if (code == AVERROR_EXIT) fail(fmt::format("nothing could be read for {} seconds", kPatience));
-    if (code != AVERROR_EOF) note_damage(nullptr, code);
+    if (code != AVERROR_EOF) note_damage(sent_, code);
     avcodec_send_packet(decoder_.get(), nullptr);  // the decoder's last frames
     return true;
   }
   if (packet_->stream_index == stream_->index) {
+    if (packet_->pts != AV_NOPTS_VALUE) sent_ = packet_->pts;
     const int sent = avcodec_send_packet(decoder_.get(), packet_.get());
     if (sent == AVERROR(ENOMEM)) fail("out of memory");
-    if (sent < 0 && sent != AVERROR_EOF) note_damage(packet_.get(), sent);
+    if (sent < 0 && sent != AVERROR_EOF) note_damage(sent_, sent);
   }
   av_packet_unref(packet_.get());
   return true;
@@ -194,12 +194,12 @@ bool VideoStream::next() {
     const int code = avcodec_receive_frame(decoder_.get(), frame_.get());
     if (code == 0) {
       if (frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT))
-        note_damage(nullptr, AVERROR_INVALIDDATA);
+        note_damage(frame_->best_effort_timestamp, AVERROR_INVALIDDATA);
       return true;
     }
     if (code == AVERROR_EOF) return false;
     if (code == AVERROR(ENOMEM)) fail("out of memory");
-    if (code != AVERROR(EAGAIN)) note_damage(nullptr, code);
+    if (code != AVERROR(EAGAIN)) note_damage(sent_, code);
     if (!feed()) return false;
   }
 }

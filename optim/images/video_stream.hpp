@@ -45,7 +45,8 @@ class VideoStream {
   static int overdue(void* stream);
   void open(const std::string& path);
   bool feed();
-  void note_damage(const AVPacket* packet, int code);
+  // stamp: of the packet or frame, in units of the stream, or AV_NOPTS_VALUE.
+  void note_damage(int64_t stamp, int code);
   [[noreturn]] void fail(const std::string& why) const;
 
   std::string path_;
@@ -57,6 +58,7 @@ class VideoStream {
   LibavPointer<AVPacket> packet_;
   LibavPointer<AVFrame> frame_;
   FrameConverter converter_;
+  int64_t sent_ = AV_NOPTS_VALUE;  // time stamp of the last packet that had one
   bool ended_ = false;
 };
 

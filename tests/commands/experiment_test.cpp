@@ -498,7 +498,7 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "[settings]\nscene.path = \"/b\"", {"'scene.path'", "the list 'scenes'"});
   expect(scenes + "[settings]\nmetrics.lpips = \"/no/such.onnx\"", {"no network '/no/such.onnx'"});
   expect(scenes + "films = [\"cam00\"]", {"line 2", "VIEW@FIRST-LAST"});
-  for (const char* name : {"figures", "psnr"})
+  for (const char* name : {"metrics", "psnr"})
     expect(scenes + "[[axis]]\nname = \"" + name + "\"\nchoices = [{ name = \"a\" }]",
            {"two columns would be named '" + std::string(name)});
   expect(scenes + "metrics = [\"pnsr\"]", {"line 2", "unknown metric 'pnsr'", "psnr_dynamic"});

@@ -125,6 +125,7 @@ Scene read_consistent4d(const std::string& folder, const SceneOptions& options) 
                     "none in eval_0 to eval_3",
                     folder));
   if (scene.test.empty()) {
+    report_no_poses(options, scene.notices);  // with views to test it is as the layout has it
     fill_time_range(scene.train);
     scene.test = scene.train;
     for (Frame& frame : scene.test) frame.name = "test_" + frame.name;

@@ -106,14 +106,17 @@ ViewCameras only_used(const ViewCameras& all) {
 
 }  // namespace
 
-ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
-                            std::vector<std::string>& notices) {
-  if (options.cameras.empty()) {
+void report_no_poses(const SceneOptions& options, std::vector<std::string>& notices) {
+  if (options.cameras.empty())
     notices.push_back(
         "there are no camera poses: the camera is assumed to be static, at scene.elevation and "
         "radius with scene.fovy; the poses of a moving camera are given with --cameras");
+}
+
+ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
+                            std::vector<std::string>& notices) {
+  if (options.cameras.empty())
     return one_for_all(static_camera("input", 0, options, view.width, view.height), view);
-  }
   std::vector<Camera> cameras = read_cameras(options.cameras, view, notices);
   const bool named = std::none_of(cameras.begin(), cameras.end(),
                                   [](const Camera& camera) { return camera.name.empty(); });

@@ -34,4 +34,7 @@ struct ViewCameras {
 ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
                             std::vector<std::string>& notices);
 
+// A notice if the camera of a video is assumed to be static, because there is no file of cameras.
+void report_no_poses(const SceneOptions& options, std::vector<std::string>& notices);
+
 }  // namespace gflow

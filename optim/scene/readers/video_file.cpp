@@ -46,6 +46,7 @@ Scene read_video_file(const std::string& path, const SceneOptions& options) {
   const bool is_whole = used == 0 || int64_t(stamps.size()) < used;
   const ViewCameras given = cameras_of_view(
       options, {stamps.size(), {}, is_whole, info.width, info.height, path}, scene.notices);
+  report_no_poses(options, scene.notices);
   scene.cameras = given.cameras;
   if (scene.cameras.size() == 1) scene.extent = options.radius;
   for (size_t k = 0; k < stamps.size(); ++k) {
