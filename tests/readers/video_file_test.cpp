@@ -79,9 +79,8 @@ TEST(VideoFile, ADamagedOneIsTold) {
   EXPECT_EQ(said_of(path), "");
   for (size_t i = bytes.size() / 3; i < bytes.size() / 2; i += 50) bytes[i] ^= 0x55;
   const std::string damaged = folder.write("b.avi", bytes), said = said_of(damaged);
-  EXPECT_EQ(
-      said.rfind("gflow: warning: video " + damaged + " is damaged: its decoder reports '", 0), 0u)
-      << said;
+  EXPECT_EQ(said.rfind("gflow: warning: video " + damaged + " is damaged near ", 0), 0u) << said;
+  EXPECT_NE(said.find(" s: its decoder reports '"), std::string::npos) << said;
   EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;  // once, not per frame
   EXPECT_EQ(said_of(path), "");
 }
