@@ -32,11 +32,16 @@ std::vector<uint8_t> turned(const std::vector<uint8_t>& pixels, int width, int h
   return out;
 }
 
-// Whether the palette of a frame has transparent colours.
+// Whether pixels of a frame with a palette are transparent. Unused colours may be zero.
 bool has_transparent_palette(const AVFrame& frame) {
   if (frame.format != AV_PIX_FMT_PAL8 || !frame.data[1]) return false;
   const auto* palette = reinterpret_cast<const uint32_t*>(frame.data[1]);  // ARGB
-  return std::any_of(palette, palette + 256, [](uint32_t c) { return c != 0 && c >> 24 < 255; });
+  for (int y = 0; y < frame.height; ++y) {
+    const uint8_t* row = frame.data[0] + ptrdiff_t(y) * frame.linesize[0];
+    if (std::any_of(row, row + frame.width, [&](uint8_t at) { return palette[at] >> 24 < 255; }))
+      return true;
+  }
+  return false;
 }
 
 bool is_full_range(const AVFrame& frame) {

@@ -218,7 +218,7 @@ TEST(VideoAlpha, OfAPaletteIsThatOfTheFrames) {
   const TemporaryFolder folder;
   const std::string path = make(folder, "a.mov", "-c:v png -pix_fmt pal8",
                                 "format=rgba,geq=r=r(X\\,Y):g=g(X\\,Y):b=b(X\\,Y):a=gte(X\\,32)*"
-                                "255,split[a][b];[a]palettegen[p];"
+                                "255,split[a][b];[a]palettegen=transparency_color=black[p];"
                                 "[b][p]paletteuse");
   const Image image = Video(path).frame(0);
   ASSERT_EQ(image.channels, 4);
