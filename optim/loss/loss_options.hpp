@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image loss and regularisers of motion (settings loss.*).
 #pragma once
+#include <array>
+
 #include "runtime/base/option.hpp"
 
 namespace gflow {
 
+// Whether cameras have colours of their own. automatic: with several cameras that stand still.
+enum class CameraColor { automatic, off, on };
+constexpr std::array<const char*, 3> names_of(CameraColor) { return {"auto", "off", "on"}; }
+
 struct LossOptions {
   float ssim = 0.2f;
+  CameraColor camera_color = CameraColor::automatic;
+  float camera_color_shrink = 0.1f;
   float rigidity = 0;
   float rotation = 0;
   float isometry = 0;
@@ -20,6 +28,12 @@ struct LossOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
+    field("camera_color", self.camera_color,
+          "learn the colours of each camera, an affine map: exposure and white balance differ "
+          "(on; auto: with three or more cameras that stand still); views of other cameras are "
+          "rendered with the mean colours");
+    field("camera_color_shrink", self.camera_color_shrink,
+          advanced("weight of the squares of that map's deviations from identity"), at_least(0));
     field("rigidity", self.rigidity, "weight: neighbours move as their rotations predict; 0: off",
           at_least(0));
     field("rotation", self.rotation, "weight: neighbours rotate alike; 0: off", at_least(0));

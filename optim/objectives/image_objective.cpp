@@ -10,8 +10,13 @@
 
 namespace gflow {
 
-ImageObjective::ImageObjective(Queue& queue, FrameStore& frames, float ssim)
-    : frames_(frames), loss_(queue, ssim) {}
+ImageObjective::ImageObjective(Queue& queue, const Scene& scene, FrameStore& frames, float ssim,
+                               const std::optional<CameraColorRule>& colors)
+    : frames_(frames), loss_(queue, ssim) {
+  if (!colors) return;
+  for (const Frame& frame : scene.train) color_rows_.emplace(frame.camera, color_rows_.size());
+  colors_ = std::make_unique<CameraColors>(queue, color_rows_.size(), *colors);
+}
 
 // The frame store composites images on its own background; the step may use another one.
 void ImageObjective::read_truth(const ViewContext& view) {
@@ -42,20 +47,25 @@ void ImageObjective::add_gradients(Queue& queue, const ViewContext& view, const 
   truth_.ensure(queue, truth_bytes_.size());
   truth_.write_async(queue, truth_bytes_);
   const size_t pixels = size_t(part.width) * size_t(part.height);
+  const size_t row = colors_ ? color_rows_.at(view.sample.frame->camera) : 0;
+  shown_ = colors_ ? &colors_->show(queue, row, pixels, rgb) : &rgb;
   const bool some_ignored = !counted_bytes_.empty();
   if (some_ignored) {
     if (!ignored_) ignored_ = std::make_unique<IgnoredPixels>(queue);
     counted_.ensure(queue, pixels);
     counted_.write_async(queue, counted_bytes_);
-    ignored_->fill_truth(queue, pixels, counted_, rgb, truth_);
+    ignored_->fill_truth(queue, pixels, counted_, *shown_, truth_);
   }
-  loss_.run(queue, part.width, part.height, rgb, truth_, v.v_rgb, view.share);
+  loss_.run(queue, part.width, part.height, *shown_, truth_, v.v_rgb, view.share);
   if (some_ignored) ignored_->clear_gradient(queue, pixels, counted_, v.v_rgb);
+  if (!colors_) return;
+  colors_->backward(queue, row, pixels, rgb, v.v_rgb);
+  colors_->step(queue, row);
 }
 
-void ImageObjective::report(Queue& queue, const Renderer& renderer, LossReport& report) {
+void ImageObjective::report(Queue& queue, const Renderer&, LossReport& report) {
   const ImageLossValue value = loss_.value(queue);
-  const std::vector<float> rgb = renderer.images().rgb.read(queue);
+  const std::vector<float> rgb = shown_->read(queue);
   const size_t pixels = rgb.size() / 3;
   double sum = 0;
   size_t values = 0;
@@ -72,6 +82,14 @@ void ImageObjective::report(Queue& queue, const Renderer& renderer, LossReport& 
   report.terms.push_back({"l1", value.l1, fmt::format("L1 {:.4f}", value.l1)});
   report.terms.push_back({"ssim", value.ssim, ""});
   report.terms.push_back({"psnr", psnr, fmt::format("psnr {:.1f}", psnr)});
+}
+
+void ImageObjective::save_state(Queue& queue, Arrays& arrays) {
+  if (colors_) colors_->save_state(queue, arrays);
+}
+
+void ImageObjective::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  if (colors_) colors_->load_state(queue, arrays, path);
 }
 
 }  // namespace gflow

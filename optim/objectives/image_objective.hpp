@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // L1 and SSIM of a view against its image (loss.ssim).
 #pragma once
+#include <map>
 #include <memory>
+#include <optional>
 
+#include "optim/loss/camera_colors.hpp"
 #include "optim/loss/ignored_pixels.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/objectives/objective.hpp"
@@ -12,13 +15,17 @@ namespace gflow {
 
 class ImageObjective : public Objective {
  public:
-  // ssim: share of 1 - SSIM in the loss, the rest is L1.
-  ImageObjective(Queue& queue, FrameStore& frames, float ssim);
+  // ssim: share of 1 - SSIM in the loss, the rest is L1. colors: rule of the colours of cameras;
+  // nullopt: all cameras show the same.
+  ImageObjective(Queue& queue, const Scene& scene, FrameStore& frames, float ssim,
+                 const std::optional<CameraColorRule>& colors = std::nullopt);
 
   void add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
                      ImageGradients& v) override;
   // Reports loss, l1, ssim and psnr [dB] of the last view.
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
+  void save_state(Queue& queue, Arrays& arrays) override;
+  void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
 
  private:
   // Reads the rendered part of the image, on the background of the step.
@@ -30,6 +37,9 @@ class ImageObjective : public Objective {
   ImageLoss loss_;
   std::vector<cl_uchar> truth_bytes_;  // source of asynchronous writes
   Buffer<cl_uchar> truth_{"truth"};
+  const Buffer<float>* shown_ = nullptr;    // the last view, as it was compared
+  std::map<int, size_t> color_rows_;        // rows of colors_ by Frame::camera
+  std::unique_ptr<CameraColors> colors_;    // nullptr: all cameras show the same
   std::unique_ptr<IgnoredPixels> ignored_;  // made when a view has some
   std::vector<cl_uchar> counted_bytes_;     // source of asynchronous writes
   Buffer<cl_uchar> counted_{"counted"};

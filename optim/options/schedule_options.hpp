@@ -63,6 +63,7 @@ struct LearningRateOptions {
   float sh = 2.5e-3f;
   float sh_rest_divisor = 20;
   float opacity = 0.05f;
+  float camera_color = 1e-3f;
   float scales = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
@@ -86,6 +87,8 @@ struct LearningRateOptions {
     field("sh_rest_divisor", self.sh_rest_divisor, advanced("divisor of lr.sh for degrees above 0"),
           at_least(1));
     field("opacity", self.opacity, "opacity, before the sigmoid", at_least(0));
+    field("camera_color", self.camera_color, advanced("colours of cameras (loss.camera_color)"),
+          at_least(0));
     field("scales", self.scales, "logarithm of the scales in space and time", at_least(0));
     field("quats", self.quats, "rotation at the first step (native4d: both quaternions)",
           at_least(0));

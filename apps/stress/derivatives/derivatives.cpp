@@ -10,6 +10,7 @@
 #include "apps/stress/stress.hpp"
 #include "optim/density/mcmc.hpp"
 #include "optim/density/static_detection.hpp"
+#include "optim/loss/camera_colors.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
 #include "optim/motion/color.hpp"
@@ -329,6 +330,64 @@ Derivative flow_loss_row(Queue& queue) {
       1e-6};
 }
 
+// Colours of a camera: by the rendered colours and by the camera's numbers, with shrinkage.
+Derivative camera_color_row(Queue& queue) {
+  constexpr size_t pixels = 1000, camera = 1, cameras = 3;
+  constexpr float shrink = .3f;
+  Random random(52);
+  Floats x, v;
+  for (size_t i = 0; i < 3 * pixels; ++i) x.push_back(float(random.uniform(0, 1)));
+  for (size_t k = 0; k < CAMERA_COLOR_SIZE; ++k) x.push_back(float(random.uniform(-.2, .2)));
+  for (size_t i = 0; i < 3 * pixels; ++i) v.push_back(float(random.normal()));
+  const auto color_of = [](const std::vector<double>& y) {
+    CameraColor color;
+    std::copy_n(y.end() - CAMERA_COLOR_SIZE, CAMERA_COLOR_SIZE, color.v);
+    return color;
+  };
+  const auto cost = [&](const std::vector<double>& y) {
+    const CameraColor color = color_of(y);
+    double sum = 0;
+    for (const double number : color.v) sum += double(shrink) / 2 * number * number;
+    for (size_t i = 0; i < pixels; ++i) {
+      const LaneColor shown = camera_color(color, {{y[i], y[pixels + i], y[2 * pixels + i]}});
+      for (size_t c = 0; c < 3; ++c) sum += double(v[c * pixels + i]) * shown.c[c];
+    }
+    return sum;
+  };
+  const std::vector<double> at(x.begin(), x.end());
+  const CameraColor color = color_of(at);
+  std::vector<double> expected(x.size());
+  for (size_t k = 0; k < CAMERA_COLOR_SIZE; ++k)
+    expected[3 * pixels + k] = double(shrink) * color.v[k];
+  for (size_t i = 0; i < pixels; ++i) {
+    const LaneColor v_x =
+        camera_color_vjp(color, {{double(v[i]), double(v[pixels + i]), double(v[2 * pixels + i])}});
+    for (size_t c = 0; c < 3; ++c) {
+      const double v_c = double(v[c * pixels + i]);
+      expected[c * pixels + i] = v_x.c[c];
+      for (size_t k = 0; k < 3; ++k) expected[3 * pixels + 4 * c + k] += v_c * at[k * pixels + i];
+      expected[3 * pixels + 4 * c + 3] += v_c;
+    }
+  }
+  CameraColors colors(queue, cameras, {0, shrink});
+  colors.colors().values.write_range(queue, CAMERA_COLOR_SIZE * camera,
+                                     Floats(x.end() - CAMERA_COLOR_SIZE, x.end()));
+  const Buffer<float> rgb(queue, Floats(x.begin(), x.begin() + 3 * pixels), "rgb");
+  Buffer<float> v_rgb(queue, v, "v_rgb");
+  colors.backward(queue, camera, pixels, rgb, v_rgb);
+  Floats found = v_rgb.read(queue);
+  const Floats of_camera =
+      colors.colors().grads.read_range(queue, CAMERA_COLOR_SIZE * camera, CAMERA_COLOR_SIZE);
+  found.insert(found.end(), of_camera.begin(), of_camera.end());
+  const std::vector<size_t> some = spread_indices(x.size(), 200);
+  return {"camera_color_bwd",
+          "rgb camera_color",
+          relative_error(found, expected),
+          relative_error(picked(expected, some), slopes(cost, at, 1e-3, some)),
+          1e-4,
+          1e-6};
+}
+
 // Regularisation of opacity and scales (mcmc).
 Derivative price_row(Queue& queue) {
   constexpr size_t n = 60;
@@ -454,6 +513,7 @@ std::vector<Derivative> derivatives(Queue& queue) {
   for (Derivative& row : motion_derivatives(queue)) rows.push_back(std::move(row));
   for (const float ssim : {0.f, .2f}) rows.push_back(image_loss_row(queue, ssim));
   rows.push_back(flow_loss_row(queue));
+  rows.push_back(camera_color_row(queue));
   rows.push_back(price_row(queue));
   rows.push_back(static_gradient_row(queue));
 #ifdef GFLOW_WITH_OPENCV

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Training on cameras of different exposure: the scene has the mean colours.
+#include "optim/eval/evaluation.hpp"
+#include "optim/images/image.hpp"
+#include "optim/train/train.hpp"
+#include "tests/support/on_one_scene.hpp"
+
+namespace gflow {
+namespace {
+
+class CameraColorTraining : public OnOneScene {
+ protected:
+  // The scene in memory, of which each training camera shows `exposure` times the colours, and the
+  // test camera its own.
+  Scene with_exposures(const TrainOptions& config, const std::vector<double>& exposures) {
+    const LoadedScene loaded = load_scene(config.scene, "");
+    Scene scene;
+    scene.name = "in memory";
+    scene.cameras = loaded.scene.cameras;
+    scene.points = loaded.scene.points;
+    const auto add = [&](const std::vector<Frame>& from, std::vector<Frame>& to, bool exposed) {
+      for (const Frame& file : from) {
+        Frame frame;
+        frame.camera = file.camera;
+        frame.track = file.track;
+        frame.time = file.time;
+        frame.name = file.name;
+        Image image = *loaded.frames->rgb(file);
+        const double exposure = exposed ? exposures.at(size_t(file.camera) % exposures.size()) : 1;
+        for (uint8_t& level : image.pixels)
+          level = uint8_t(std::lround(std::min(255., exposure * level)));
+        frame.image = std::make_shared<const Image>(std::move(image));
+        to.push_back(frame);
+      }
+    };
+    add(loaded.scene.train, scene.train, true);
+    add(loaded.scene.test, scene.test, false);
+    complete_scene(scene);
+    return scene;
+  }
+
+  double psnr_of_test_camera(const std::vector<double>& exposures, CameraColor choice) {
+    TrainOptions config = small_config(scene(), 1200);
+    config.flow.enabled = false;
+    config.density.enabled = false;
+    config.loss.camera_color = choice;
+    const Scene scene = with_exposures(config, exposures);
+    Model model(queue(), train(queue(), scene, config).model);
+    const LoadedScene loaded = with_frames(scene, config.scene, folder_.file("frames"));
+    return evaluate(queue(), model, config, loaded, loaded.scene.test, {}).mean.psnr;
+  }
+
+  TemporaryFolder folder_;
+};
+
+// Measured: 23.2 dB off, 25.7 dB on; 25.9 and 25.8 dB if all cameras are alike.
+TEST_F(CameraColorTraining, GivesTheSceneItsMeanColours) {
+  const std::vector<double> unequal = {0.8, 1, 1.2};
+  const double off = psnr_of_test_camera(unequal, CameraColor::off);
+  EXPECT_GT(psnr_of_test_camera(unequal, CameraColor::automatic), off + 1.5);
+}
+
+TEST_F(CameraColorTraining, LosesNothingWhereCamerasAreAlike) {
+  const double off = psnr_of_test_camera({1}, CameraColor::off);
+  EXPECT_GT(psnr_of_test_camera({1}, CameraColor::automatic), off - 0.2);
+}
+
+}  // namespace
+}  // namespace gflow
