@@ -228,9 +228,10 @@ class Evaluator {
     if (!any(reference.moving)) return;
     view.flow_epe_dynamic = flow_metrics(flow, reference.planes, reference.moving).epe;
     if (reference.true_flow && with_dis(i) && next_[i] && next_[i]->camera == frames_[i].camera)
-      view.teacher_epe_dynamic = flow_metrics(planes_of(dis_.vectors(frames_[i], *next_[i])),
-                                              reference.planes, reference.moving)
-                                     .epe;
+      view.teacher_epe_dynamic =
+          flow_metrics(planes_of(dis_.target_flow(frames_[i], *next_[i]).flow), reference.planes,
+                       reference.moving)
+              .epe;
   }
 
   // Sets the flicker of the previous view, now that its next one is rendered.

@@ -103,7 +103,9 @@ FlowField reference_flow(const RenderView& view, FrameStore& frames) {
   if (truth) return read_true_flow(*view.truth, view.camera.width, view.camera.height).flow;
   if (!view.truth_t2) return {};
   TargetFlow target_flow =
-      estimate_target_flow(*frames.rgb(*view.truth), *frames.rgb(*view.truth_t2));
+      estimate_target_flows(*frames.rgb(*view.truth), *frames.rgb(*view.truth_t2),
+                            camera_motion(*view.truth, *view.truth_t2))
+          .first;
   target_flow.flow.valid = target_flow.confidence;
   return target_flow.flow;
 }

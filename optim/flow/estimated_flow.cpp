@@ -26,6 +26,12 @@ constexpr std::array<uint8_t, 3> mid_grey = {128, 128, 128};
 // larger cache would not be hit more often for a large scene, and a small scene fits.
 constexpr size_t memory_bytes = size_t{1} << 28;
 
+std::pair<TargetFlow, TargetFlow> flows_between(FrameStore& frames, const Frame& from,
+                                                const Frame& to) {
+  return estimate_target_flows(frames.rgb_over(from, mid_grey), frames.rgb_over(to, mid_grey),
+                               camera_motion(from, to));
+}
+
 FlowPair reverse(const FlowPair& pair) { return {pair.next, pair.frame, pair.span}; }
 
 // The pairs with two frames, each once, as {earlier, later} index.
@@ -139,8 +145,7 @@ class Estimator {
   // The packed flows of a pair in both directions. The consistency check needs both, and the result
   // must not depend on which is requested.
   std::pair<Bytes, Bytes> compute(const FlowPair& pair) {
-    const auto [there, back] = estimate_target_flows(frames_.rgb_over(frame(pair.frame), mid_grey),
-                                                     frames_.rgb_over(frame(pair.next), mid_grey));
+    const auto [there, back] = flows_between(frames_, frame(pair.frame), frame(pair.next));
     return {packed(there), packed(back)};
   }
 
@@ -250,17 +255,7 @@ std::optional<TargetFlow> FlowBetween::kept(const Frame& from, const Frame& to) 
 
 TargetFlow FlowBetween::target_flow(const Frame& from, const Frame& to) const {
   if (auto flow = kept(from, to)) return *std::move(flow);
-  return unpacked(packed(estimate_target_flow(frames_.rgb_over(from, mid_grey),
-                                              frames_.rgb_over(to, mid_grey))),
-                  from.name);
-}
-
-FlowField FlowBetween::vectors(const Frame& from, const Frame& to) const {
-  if (auto flow = kept(from, to)) return std::move(flow->flow);
-  TargetFlow computed{
-      estimate_flow(frames_.rgb_over(from, mid_grey), frames_.rgb_over(to, mid_grey)), {}};
-  computed.confidence.resize(computed.flow.valid.size());
-  return unpacked(packed(computed), from.name).flow;
+  return unpacked(packed(flows_between(frames_, from, to).first), from.name);
 }
 
 }  // namespace gflow

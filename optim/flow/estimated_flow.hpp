@@ -12,6 +12,7 @@
 
 #include "optim/flow/flow_folder.hpp"
 #include "optim/flow/flow_store.hpp"
+#include "optim/flow/optical_flow.hpp"
 #include "runtime/base/report.hpp"
 
 namespace gflow {
@@ -32,6 +33,11 @@ size_t num_compared(const std::vector<FlowPair>& pairs);
 uint64_t likely_flow_bytes(const Scene& scene, const std::vector<FlowPair>& pairs,
                            const FrameStore& frames);
 
+// Two frames of one pose are those of a camera that stands still.
+inline CameraMotion camera_motion(const Frame& a, const Frame& b) {
+  return a.camera == b.camera ? CameraMotion::none : CameraMotion::any;
+}
+
 // DIS flow from one frame to a later one of its track, in any split: the flow that estimated_flows
 // stored if training uses the same pair, else computed. Both give the same values. Stores nothing.
 class FlowBetween {
@@ -41,8 +47,6 @@ class FlowBetween {
   FlowBetween(const Scene& scene, FrameStore& frames, const std::string& folder, Notice notice);
 
   TargetFlow target_flow(const Frame& from, const Frame& to) const;
-  // The flow without confidence, which takes half the time to compute.
-  FlowField vectors(const Frame& from, const Frame& to) const;
 
  private:
   std::optional<TargetFlow> kept(const Frame& from, const Frame& to) const;

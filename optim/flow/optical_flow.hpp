@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Target flow by OpenCV's DIS at its finest settings, with a forward-backward check for confidence.
+// Target flow by OpenCV's DIS, with a forward-backward check for confidence.
 #pragma once
 #include <cstdint>
 #include <utility>
@@ -17,19 +17,19 @@ struct TargetFlow {
   float emphasis = 1;               // weight of each pixel in the flow loss
 };
 
-// DIS flow from image a to b (RGB, same size): finest scale 0, patch 8, stride 1, 100 gradient
-// descent and 30 variational iterations. Uses one thread, so the result does not depend on their
-// number.
-FlowField estimate_flow(const Image& a, const Image& b);
+// Whether the camera of two images stands still: then nothing moves outside of changed_regions(),
+// where flow is 0 without being computed.
+enum class CameraMotion { none, any };
 
 // 255 where |f(x) + b(x + f(x))| < max(0.5 px, 5 % of |f|) with b sampled bilinearly; 0 elsewhere,
 // where f leaves the image, and where f or b is invalid.
 std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& backward);
 
-// Flow and confidence for a pair of images, from a to b and from b to a.
-std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Image& b);
-// Only from a to b.
-TargetFlow estimate_target_flow(const Image& a, const Image& b);
+// Flow and confidence for a pair of images (RGB, same size), from a to b and from b to a. DIS at
+// scale 0 with patches of 8; for cameras that stand still with a wider stride, as there are many
+// pairs. Uses one thread, so the result does not depend on their number.
+std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Image& b,
+                                                        CameraMotion camera);
 
 // A flow resampled to another size, with scaled vectors. Uses the nearest sample, because averaging
 // across a silhouette gives a motion of no surface.

@@ -156,7 +156,7 @@ TEST(SharedScenes, DisChainedReachesWhatItDoesNotInOneLeap) {
   const auto rgb = [&](size_t f) { return frames.rgb(scene.train[f]); };
   Links there, back;
   for (size_t f = 2; f < 6; ++f) {
-    auto [a, b] = estimate_target_flows(*rgb(f), *rgb(f + 1));
+    auto [a, b] = estimate_target_flows(*rgb(f), *rgb(f + 1), CameraMotion::none);
     there.push_back(std::make_shared<TargetFlow>(std::move(a)));
     back.insert(back.begin(), std::make_shared<TargetFlow>(std::move(b)));
   }
@@ -164,7 +164,7 @@ TEST(SharedScenes, DisChainedReachesWhatItDoesNotInOneLeap) {
     return track_gap(tracks, 2, 6, scene.cameras[size_t(scene.train[2].camera)], flow);
   };
   const TrackGap chain = gap(chained(there, back)),
-                 leap = gap(estimate_target_flow(*rgb(2), *rgb(6)));
+                 leap = gap(estimate_target_flows(*rgb(2), *rgb(6), CameraMotion::none).first);
   // Measured: 107 tracks, 1.15 px. With one flow over the whole span, after 80 degrees: 4 tracks
   // and 21 px.
   EXPECT_GT(chain.tracks, 80u);
@@ -266,7 +266,8 @@ TEST(SharedScenes, DisReachesItsKnownErrorOnTheSphere) {
   for (size_t k : steps) {
     const Frame& frame = scene.train[k];  // a frame of cam01
     const TargetFlow target_flow =
-        estimate_target_flow(*store.rgb(frame), *store.rgb(scene.train[k + 1]));
+        estimate_target_flows(*store.rgb(frame), *store.rgb(scene.train[k + 1]), CameraMotion::none)
+            .first;
     sum += moving_error(target_flow.flow, read_true_flow(frame, 256, 192).flow);
   }
   // Measured independently with OpenCV in Python: 0.20 px.
