@@ -16,6 +16,7 @@ namespace gflow::experiments {
 const std::vector<Metric>& all_metrics() {
   static const std::vector<Metric> metrics{
       {"psnr", "PSNR [dB]", {"test", "psnr"}, 2, Better::higher},
+      {"psnr_matched", "PSNR, colours matched [dB]", {"test", "psnr_matched"}, 2, Better::higher},
       {"ssim", "SSIM", {"test", "ssim"}, 4, Better::higher},
       {"lpips", "LPIPS", {"test", "lpips"}, 4, Better::lower, 1, "lpips_model"},
       {"clip", "CLIP", {"test", "clip"}, 4, Better::higher, 1, "clip_model"},

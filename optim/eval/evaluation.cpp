@@ -172,7 +172,11 @@ class Evaluator {
     int width = 0, height = 0;
   };
 
-  bool with_dis(size_t i) const { return config_.flow.enabled && i % stride_ == 0; }
+  // DIS is fast for cameras that stand still.
+  bool with_dis(size_t i) const {
+    const bool fast = next_[i] && camera_motion(frames_[i], *next_[i]) == CameraMotion::none;
+    return i % stride_ == 0 && (config_.flow.enabled || fast);
+  }
 
   Reference reference_of_view(size_t i) {
     const Frame& frame = frames_[i];
@@ -213,6 +217,7 @@ class Evaluator {
     if (!counted.empty() && !any(counted)) return;
     const std::vector<double> similarity = ssim_map(image, truth);
     view.psnr = psnr(image, truth, counted);
+    view.psnr_matched = psnr(color_matched(image, truth, counted), truth, counted);
     view.ssim = mean_of_map(similarity, counted);
     if (!any(reference.moving)) return;
     view.psnr_dynamic = psnr(image, truth, reference.moving);
@@ -269,6 +274,7 @@ class Evaluator {
 const std::vector<NamedMetric>& view_metrics() {
   static const std::vector<NamedMetric> metrics{
       {"psnr", &ViewMetrics::psnr},
+      {"psnr_matched", &ViewMetrics::psnr_matched},
       {"ssim", &ViewMetrics::ssim},
       {"psnr_dynamic", &ViewMetrics::psnr_dynamic},
       {"ssim_dynamic", &ViewMetrics::ssim_dynamic},

@@ -24,6 +24,7 @@ struct ViewMetrics {
   int step = 0;     // time step of the video
   double time = 0;  // [0, 1]
   double psnr = kNotMeasured, ssim = kNotMeasured;
+  double psnr_matched = kNotMeasured;  // PSNR of color_matched() (metrics.hpp)
   // Over pixels whose reference flow exceeds 1 px; SSIM: the mean at these pixels.
   double psnr_dynamic = kNotMeasured, ssim_dynamic = kNotMeasured;
   double flow_epe = kNotMeasured;          // [px] over pixels with known reference flow
@@ -57,9 +58,9 @@ struct Evaluation {
 };
 
 // Evaluates `frames` (such as scene.test). The reference flow is the scene's true flow if it has
-// one; else, with flow.enabled, DIS between the frame and the next one of its camera track in
-// `frames`, where consistent, including the motion of the camera. DIS is slow, so of many views
-// about thirty, evenly spread, use it; flow computed in training is read from `flow_folder`
+// one; else, with flow.enabled or a camera that stands still, DIS between the frame and the next one
+// of its camera track in `frames`, where consistent, including the motion of the camera. Of many
+// views about thirty, evenly spread, use it; flow computed in training is read from `flow_folder`
 // (FlowBetween). Flicker uses the same flow, and needs the next view of the track in `frames` at
 // the target of the flow. True depth and the networks of config.metrics are optional; Error if one
 // of them cannot be used. `progress` may be empty. Does not set `tracks`. Rendered images are

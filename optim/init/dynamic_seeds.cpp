@@ -16,6 +16,8 @@ namespace gflow {
 namespace {
 
 constexpr size_t kLeastCameras = 3;
+// Of the cameras that have a moving point in view, some see it before a background like it.
+constexpr double kShareThatSees = 0.8;
 
 // Bounding box without the outermost 2 % of the points at each side of each axis.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xyz) {
@@ -56,19 +58,24 @@ struct StepViews {
   double flow_time = 0;  // time that the flow covers [lengths of the video]
 };
 
-// Whether at least kLeastCameras cameras have the point in view and all of them see change there;
-// sets the mean colour.
+// Whether at least kLeastCameras cameras see change at the point, which are at least kShareThatSees
+// of those that have it in view; sets the mean colour.
 bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::array<int, 3>& color) {
-  size_t seen = 0;
+  size_t in_view = 0, seen = 0;
   std::array<int, 3> sum{};
+  const double most_unseen = (1 - kShareThatSees) * double(views.cameras.size());
   for (size_t c = 0; c < views.cameras.size(); ++c) {
     const long at = pixel_of(*views.cameras[c], point);
     if (at < 0) continue;
-    if (!views.changed[c][size_t(at)]) return false;
+    ++in_view;
+    if (!views.changed[c][size_t(at)]) {
+      if (double(in_view - seen) > most_unseen) return false;  // early, as most candidates fail
+      continue;
+    }
     ++seen;
     for (size_t k = 0; k < 3; ++k) sum[k] += views.images[c]->pixels[3 * size_t(at) + k];
   }
-  if (seen < kLeastCameras) return false;
+  if (seen < kLeastCameras || double(seen) < kShareThatSees * double(in_view)) return false;
   for (size_t k = 0; k < 3; ++k) color[k] = sum[k] / int(seen);
   return true;
 }

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -102,6 +103,33 @@ double psnr(const PlanarImage& image, const PlanarImage& truth, const std::vecto
     }
   }
   return count ? -10 * std::log10(sum / (3.0 * double(count))) : NOT_A_NUMBER;
+}
+
+PlanarImage color_matched(const PlanarImage& image, const PlanarImage& truth,
+                          const std::vector<uint8_t>& mask) {
+  check_pair(image, truth);
+  const size_t pixels = size_t(truth.width) * truth.height;
+  check_mask(mask, pixels);
+  const auto color = [&](const PlanarImage& from, size_t i) {
+    return Eigen::Vector3d(from.values[i], from.values[pixels + i], from.values[2 * pixels + i]);
+  };
+  Eigen::Matrix4d a = Eigen::Matrix4d::Zero();
+  Eigen::Matrix<double, 4, 3> b = Eigen::Matrix<double, 4, 3>::Zero();
+  for (size_t i = 0; i < pixels; ++i) {
+    if (!mask.empty() && !mask[i]) continue;
+    const Eigen::Vector4d x = color(image, i).homogeneous();
+    a += x * x.transpose();
+    b += x * color(truth, i).transpose();
+  }
+  // Images of few colours do not determine the map: the solution of least length.
+  const Eigen::Matrix<double, 4, 3> map = a.completeOrthogonalDecomposition().solve(b);
+  PlanarImage matched{image.width, image.height, std::vector<double>(3 * pixels)};
+  for (size_t i = 0; i < pixels; ++i) {
+    const Eigen::Vector3d y = map.transpose() * color(image, i).homogeneous();
+    for (size_t c = 0; c < 3; ++c)
+      matched.values[c * pixels + i] = std::clamp(y[Eigen::Index(c)], 0.0, 1.0);
+  }
+  return matched;
 }
 
 std::vector<double> ssim_map(const PlanarImage& image, const PlanarImage& truth) {

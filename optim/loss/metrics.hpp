@@ -25,6 +25,12 @@ struct PlanarImage {
 double psnr(const PlanarImage& image, const PlanarImage& truth,
             const std::vector<uint8_t>& mask = {});
 
+// The image after the affine map of its colours, A x + b, that is nearest to the truth over the
+// mask (least squares): as if exposure and white balance of the camera were known. Clamped to [0,
+// 1].
+PlanarImage color_matched(const PlanarImage& image, const PlanarImage& truth,
+                          const std::vector<uint8_t>& mask = {});
+
 // SSIM per pixel [H, W], averaged over channels, as the image loss defines it (Wang et al. 2004; 11
 // x 11 Gaussian window, sigma 1.5, 0 outside the image), computed from the five moments.
 std::vector<double> ssim_map(const PlanarImage& image, const PlanarImage& truth);

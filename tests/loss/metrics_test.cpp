@@ -100,6 +100,30 @@ TEST(Psnr, RefusesImagesOfDifferentSize) {
   EXPECT_THROW(psnr(a, wavy(1, 1)), Error);
 }
 
+TEST(ColorMatched, UndoesExposureAndWhiteBalance) {
+  PlanarImage truth = wavy(11, 5), image = truth;
+  const size_t pixels = 19 * 13;
+  for (size_t i = 0; i < pixels; ++i) {
+    for (size_t c = 0; c < 3; ++c)
+      image.values[c * pixels + i] = 0.1 + 0.5 * truth.values[c * pixels + i];
+    image.values[i] += 0.2 * truth.values[pixels + i];
+  }
+  EXPECT_LT(psnr(image, truth), 30);
+  EXPECT_GT(psnr(color_matched(image, truth), truth), 200);  // rounding in double
+  // A pixel that does not count has no say.
+  std::vector<uint8_t> mask(pixels, 1);
+  mask[7] = 0;
+  image.values[7] = 1;
+  EXPECT_GT(psnr(color_matched(image, truth, mask), truth, mask), 200);
+}
+
+TEST(ColorMatched, OfOneColourIsTheMeanOfTheTruth) {
+  const PlanarImage truth{2, 1, {0.2, 0.4, 0.5, 0.7, 0.1, 0.1}};
+  const PlanarImage matched = color_matched({2, 1, std::vector<double>(6, 0.5)}, truth);
+  const double mean[] = {0.3, 0.6, 0.1};
+  for (size_t k = 0; k < 6; ++k) EXPECT_NEAR(matched.values[k], mean[k / 2], 1e-12);
+}
+
 TEST(PlanarImage, IsCutToTheRangeOfAFile) {
   const PlanarImage a = PlanarImage::from_planes(1, 1, {-1, 0.25f, 2});
   EXPECT_EQ(a.values, (std::vector<double>{0, 0.25, 1}));

@@ -124,9 +124,9 @@ TEST(RunRecords, ResultsHaveTheKeysThatScriptsRead) {
                                       "peak_memory_mib", "device", "motion", "resolution",
                                       "background", "seed"}));
   for (const char* key :
-       {"psnr", "ssim", "psnr_dynamic", "ssim_dynamic", "flow_epe", "flow_epe_dynamic", "fl_all",
-        "teacher_epe_dynamic", "depth_error", "flicker", "lpips", "clip", "flow_reference", "views",
-        "trained_on", "lpips_model", "clip_model"})
+       {"psnr", "psnr_matched", "ssim", "psnr_dynamic", "ssim_dynamic", "flow_epe",
+        "flow_epe_dynamic", "fl_all", "teacher_epe_dynamic", "depth_error", "flicker", "lpips",
+        "clip", "flow_reference", "views", "trained_on", "lpips_model", "clip_model"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
   EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is invalid in JSON
