@@ -303,4 +303,12 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
   return evaluation;
 }
 
+std::vector<Frame> sample_of(const std::vector<Frame>& frames, size_t most) {
+  std::vector<Frame> sample;
+  const size_t count = std::min(most, frames.size());
+  for (size_t i = 0; i < count; ++i)
+    sample.push_back(frames[(2 * i + 1) * frames.size() / (2 * count)]);
+  return sample;
+}
+
 }  // namespace gflow

@@ -70,4 +70,7 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
                     const ProgressCallback& progress, const std::string& folder = "",
                     const std::string& flow_folder = "");
 
+// Up to `most` of the frames, evenly over their order (cameras, then times).
+std::vector<Frame> sample_of(const std::vector<Frame>& frames, size_t most);
+
 }  // namespace gflow

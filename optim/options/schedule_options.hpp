@@ -22,6 +22,7 @@ struct ScheduleOptions {
   int64_t seed = 0;
   float minutes = 0;
   int log_every = 100;
+  int validate_every = 1000;
   int checkpoint_every = 1000;
   int save_every = 0;
   std::string device;
@@ -43,6 +44,10 @@ struct ScheduleOptions {
     field("minutes", self.minutes,
           "stop after this training time, not repeatably [minutes]; 0: no limit", at_least(0));
     field("log_every", self.log_every, "steps between two log lines", at_least(1));
+    field("validate_every", self.validate_every,
+          "steps between two measurements of validation views (scene.val_every, or a scene's own); "
+          "0: only at the end",
+          at_least(0));
     field(
         "checkpoint_every", self.checkpoint_every,
         "steps between two checkpoints for --resume; 0: only when training ends or is interrupted",

@@ -110,22 +110,12 @@ std::string interrupted_while_evaluating(const RunFolder& run, int iteration) {
       run.model_path(iteration), run.folder());
 }
 
-// Up to 20 training views, evenly over cameras and times.
-std::vector<Frame> sample_of(const std::vector<Frame>& frames) {
-  constexpr size_t most = 20;
-  std::vector<Frame> sample;
-  const size_t count = std::min(most, frames.size());
-  for (size_t i = 0; i < count; ++i)
-    sample.push_back(frames[(2 * i + 1) * frames.size() / (2 * count)]);
-  return sample;
-}
-
 // Without test views some training views are evaluated, and no results are written.
 Evaluation evaluate_result(RunParts& parts, Model& model, const RunFacts& facts) {
   const auto& [queue, config, run, prepared, guidance, extensions, stop, quiet] = parts;
   const Scene& scene = prepared.scene();
   const bool tested = !scene.test.empty();
-  const std::vector<Frame> views = tested ? scene.test : sample_of(scene.train);
+  const std::vector<Frame> views = tested ? scene.test : sample_of(scene.train, 20);
   try {
     const Evaluation evaluation =
         evaluate_views(queue, model, config, prepared.loaded(), views, quiet,
@@ -162,6 +152,7 @@ Evaluation train_and_evaluate(RunParts& parts, Model& model,
                     trainer,
                     checkpoints,
                     Stopwatch(before.seconds),
+                    Validation(queue, config, prepared.loaded()),
                     extensions.observer};
   std::optional<InterruptGuard> guard;
   const int steps = train_steps(training, before.step, guard, quiet, at_first);

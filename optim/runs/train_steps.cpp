@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <utility>
 
 #include "optim/motion/parameters_state.hpp"
@@ -210,10 +211,13 @@ class RunObserver : public TrainObserver {
   // Writes what is due after a step, after checking it. Returns false if training has returned to
   // its last checkpoint instead.
   bool keep(TrainState& state) {
-    const auto& [queue, config, run, model, trainer, checkpoints, watch, observer] = training_;
+    auto& [queue, config, run, model, trainer, checkpoints, watch, validation, observer] =
+        training_;
     const ScheduleOptions& plan = config.train;
     const int done = state.done;
-    const bool last = done == plan.iterations, logs = (done - 1) % plan.log_every == 0 || last;
+    const bool last = done == plan.iterations;
+    const bool validates = validation.possible() && (last || ends_round(done, plan.validate_every));
+    const bool logs = (done - 1) % plan.log_every == 0 || last || validates;
     const bool saves = !last && ends_round(done, plan.checkpoint_every);
     const bool shows = !last && ends_round(done, plan.save_every);
     if (logs || saves || shows) {
@@ -228,12 +232,27 @@ class RunObserver : public TrainObserver {
       }
       before_ = report_;
       begin();
+      if (validation.possible()) report_validation(validates, done);
     }
     if (logs) try_append_metrics(run, done - 1, watch.seconds(), report_);
     progress_.update(done, terms_of(report_));
     if (shows) try_save_model(queue, model, run, done);
     if (saves) checkpoints.try_write(done, watch.seconds());
     return true;
+  }
+
+  // Adds the terms of the validation to the report; NaN in lines between two of them.
+  void report_validation(bool measures, int done) {
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    ValidationPsnr psnr{none, none};
+    if (measures) {
+      psnr = training_.validation.measure(training_.queue, training_.model);
+      shown_validation_ = fmt::format("val {:.1f}", psnr.val);
+      const std::string warning = training_.validation.warning(psnr, done);
+      if (!warning.empty()) on_notice(warning);
+    }
+    report_.terms.push_back({"val_psnr", psnr.val, shown_validation_});
+    report_.terms.push_back({"val_psnr_train", psnr.train, ""});
   }
 
   Training& training_;
@@ -244,6 +263,7 @@ class RunObserver : public TrainObserver {
   bool in_step_ = false;
   Progress progress_;
   RollBack roll_back_;
+  std::string shown_validation_;      // in the progress line
   StepReport report_;                 // last report read
   std::optional<StepReport> before_;  // last finite report
 };

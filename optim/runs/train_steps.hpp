@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 
+#include "optim/eval/validation.hpp"
 #include "optim/runs/resume.hpp"
 #include "optim/train/train_loop.hpp"
 #include "runtime/base/interrupt.hpp"
@@ -35,6 +36,7 @@ struct Training {
   Trainer& trainer;
   Checkpointer& checkpoints;
   Stopwatch watch;
+  Validation validation;
   TrainObserver* observer = nullptr;  // called after each step that is kept; nullptr: none
 };
 

@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include "optim/scene/camera_settings.hpp"
+#include "optim/scene/held_back.hpp"
 #include "optim/scene/near_plane.hpp"
 #include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
@@ -360,6 +361,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   scene.tracks_path = first_existing(path, {"tracks3d.npy"});
   if (!has_trait(scene.layout, kSkipsCameras)) skip_cameras(scene, options.skip_cameras);
   shift_times(scene, options.time_offsets);
+  hold_back(scene, options.val_every);
   complete_scene(scene, options, origin);
   if (scene.points.size() > 0 && scene.points.rgb.empty())
     scene.notices.push_back(fmt::format(

@@ -48,6 +48,7 @@ struct SceneOptions {
   float fovy = 49.1f;
   bool first_views = false;
   int test_every = 8;
+  int val_every = 0;
   int first_step = 0;
   int stride = 1;
   int max_steps = 0;
@@ -96,6 +97,10 @@ struct SceneOptions {
           "also train on the first image of each test view (Consistent4D)");
     field("test_every", self.test_every,
           "every n-th image is a test image; 0: none (COLMAP, nerfstudio)", at_least(0));
+    field("val_every", self.val_every,
+          "hold back every n-th training camera, or of a single camera every n-th image, to measure "
+          "during training how well it predicts views that it does not see; 0: none",
+          zero_or_between(2, 1000000));
     field("first_step", self.first_step, "first time step to use, from 0", at_least(0));
     field("stride", self.stride, "use every n-th time step from first_step", at_least(1));
     field("max_steps", self.max_steps, "maximum number of time steps; 0: all", at_least(0));
