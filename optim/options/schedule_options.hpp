@@ -120,7 +120,9 @@ struct LearningRateOptions {
           advanced("rates grow with (length of the video / time a Gaussian is visible) to this "
                    "power; 0: off"),
           between(0, 1));
-    field("pace_most", self.pace_most, advanced("largest factor of lr.pace"),
+    field("pace_most", self.pace_most,
+          advanced("largest factor of lr.pace; less where it would move Gaussians by "
+                   "more than 0.3 px in a step"),
           between(1, PaceRule::kMost));
   }
 };

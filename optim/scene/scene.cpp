@@ -15,7 +15,7 @@
 
 #include "optim/scene/camera_settings.hpp"
 #include "optim/scene/held_back.hpp"
-#include "optim/scene/near_plane.hpp"
+#include "optim/scene/depths.hpp"
 #include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"

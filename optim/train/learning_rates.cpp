@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/scene/depths.hpp"
 #include "optim/train/curriculum.hpp"
 #include "optim/train/sequential.hpp"
 
 namespace gflow {
 namespace {
+
+constexpr double kMostPixels = 0.3;  // moved in a step [px]
 
 // Geometric interpolation from a at 0 to b at 1.
 float between_rates(float a, float b, double share) {
@@ -18,7 +21,11 @@ float between_rates(float a, float b, double share) {
 }  // namespace
 
 Rates::Rates(const TrainOptions& config, const Scene& scene, const MotionShape& shape)
-    : config_(config), scene_(scene), shape_(shape) {}
+    : config_(config), scene_(scene), shape_(shape) {
+  const double pixel = pixel_size(scene) * config.scene.resolution;
+  const double moved = scene.extent * double(config.lr.means * config.lr.motion) / pixel;
+  pace_most_ = float(std::clamp(kMostPixels / moved, 1., double(config.lr.pace_most)));
+}
 
 float Rates::position(int step) const {
   const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;

@@ -16,6 +16,9 @@ class Rates {
   // Learning rate of positions, without `scale` and per-Gaussian factors [scene units].
   float position(int step) const;
   AdamRate of(const GroupSpec& spec, int step) const;
+  // Largest factor of lr.pace, >= 1: that of the settings, but no larger than moves a Gaussian by
+  // kMostPixels in a step. Flow could not correct longer ones.
+  float pace_most() const { return pace_most_; }
 
   // Learning-rate scale, a factor on all rates; saved in checkpoints.
   float scale = 1;
@@ -26,6 +29,7 @@ class Rates {
   const TrainOptions& config_;
   const Scene& scene_;
   const MotionShape& shape_;
+  float pace_most_;
 };
 
 }  // namespace gflow

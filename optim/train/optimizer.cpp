@@ -46,7 +46,7 @@ void Optimizer::update(Queue& queue, const Stage& stage, int step, bool warming,
   if (step % kStepsToRateScales == 0) {  // Gaussians are added, and their lifetimes change
     const float time_step = model_.shape.duration / float(std::max(scene_.steps, 1));
     model_.motion->set_rate_scales(queue, p,
-                                   {model_.shape.duration, time_step, lr.pace, lr.pace_most});
+                                   {model_.shape.duration, time_step, lr.pace, rates_.pace_most()});
   }
   model_.motion->regularize(queue, p, options_.motion);
   if (stage.time_step > 0) {  // train one key only; flow leads to the one before

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "optim/init/init.hpp"
-#include "optim/scene/near_plane.hpp"
+#include "optim/scene/depths.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {

@@ -17,7 +17,7 @@ Allowed one_of(std::vector<float> values) {
 bool Allowed::contains(int64_t value) const {
   const double number = double(value);  // a float does not tell 2000000001 from its neighbours
   if (!among.empty()) return std::find(among.begin(), among.end(), number) != among.end();
-  return number >= min && number <= max;
+  return (or_zero && value == 0) || (number >= min && number <= max);
 }
 
 bool Allowed::contains(double value) const {

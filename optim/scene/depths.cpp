@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/scene/near_plane.hpp"
+#include "optim/scene/depths.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,14 +12,23 @@ namespace {
 
 constexpr size_t kFewPoints = 20;  // in view of a camera: too few to tell its nearest surface
 
-// Depths of the points in view of each training camera that sees enough of them, ascending.
-std::vector<std::vector<double>> depths_in_view(const Scene& scene) {
-  constexpr size_t most = 20000;  // of many points a sample is taken
-  const size_t stride = std::max<size_t>(1, scene.points.size() / most);
+struct DepthsInView {
+  const Camera* camera;
+  std::vector<double> depths;  // of the points in view, ascending
+};
+
+std::set<int> training_cameras(const Scene& scene) {
   std::set<int> cameras;
   for (const Frame& frame : scene.train) cameras.insert(frame.camera);
-  std::vector<std::vector<double>> all;
-  for (const int index : cameras) {
+  return cameras;
+}
+
+// Of each training camera that sees enough points.
+std::vector<DepthsInView> depths_in_view(const Scene& scene) {
+  constexpr size_t most = 20000;  // of many points a sample is taken
+  const size_t stride = std::max<size_t>(1, scene.points.size() / most);
+  std::vector<DepthsInView> all;
+  for (const int index : training_cameras(scene)) {
     const Camera& camera = scene.cameras[size_t(index)];
     std::vector<double> depths;
     for (size_t i = 0; i < scene.points.size(); i += stride)
@@ -27,7 +36,7 @@ std::vector<std::vector<double>> depths_in_view(const Scene& scene) {
               camera.depth_in_view(Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i])))
         depths.push_back(*depth);
     std::sort(depths.begin(), depths.end());
-    if (depths.size() >= kFewPoints) all.push_back(std::move(depths));
+    if (depths.size() >= kFewPoints) all.push_back({&camera, std::move(depths)});
   }
   return all;
 }
@@ -36,7 +45,7 @@ std::vector<std::vector<double>> depths_in_view(const Scene& scene) {
 // nearest hundredth of a camera's points may be errors of the reconstruction.
 std::optional<double> nearest_surface(const Scene& scene) {
   std::optional<double> nearest;
-  for (const std::vector<double>& depths : depths_in_view(scene)) {
+  for (const auto& [camera, depths] : depths_in_view(scene)) {
     const double depth = depths[depths.size() / 100];
     nearest = std::min(nearest.value_or(depth), depth);
   }
@@ -59,11 +68,26 @@ double near_plane_of(const Scene& scene) {
 
 double share_of_points_nearer(const Scene& scene, double near) {
   double largest = 0;
-  for (const std::vector<double>& depths : depths_in_view(scene)) {
+  for (const auto& [camera, depths] : depths_in_view(scene)) {
     const auto end = std::lower_bound(depths.begin(), depths.end(), near);
     largest = std::max(largest, double(end - depths.begin()) / double(depths.size()));
   }
   return largest;
+}
+
+double pixel_size(const Scene& scene) {
+  std::vector<double> sizes;
+  for (const auto& [camera, depths] : depths_in_view(scene))
+    sizes.push_back(depths[depths.size() / 2] / camera->fx);
+  if (sizes.empty()) {
+    const Eigen::Vector3d focus = focus_point(scene);
+    for (const int index : training_cameras(scene)) {
+      const Camera& camera = scene.cameras[size_t(index)];
+      sizes.push_back((camera.position() - focus).norm() / camera.fx);
+    }
+  }
+  std::nth_element(sizes.begin(), sizes.begin() + long(sizes.size() / 2), sizes.end());
+  return sizes[sizes.size() / 2];
 }
 
 }  // namespace gflow

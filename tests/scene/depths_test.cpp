@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/scene/near_plane.hpp"
+#include "optim/scene/depths.hpp"
 
 #include <gtest/gtest.h>
 
@@ -68,6 +68,19 @@ TEST(NearPlane, PointsBeforeItAreCountedInTheCameraThatHasMostOfThem) {
   add_points(scene, 300, 10);  // of both
   EXPECT_NEAR(share_of_points_nearer(scene, 5), 0.25, 1e-9);
   EXPECT_EQ(share_of_points_nearer(scene, 0.5), 0);
+}
+
+TEST(PixelSize, IsThatAtTheMedianDepthOfThePoints) {
+  Scene scene;
+  Camera camera;
+  camera.width = camera.height = 100;
+  camera.fx = camera.fy = 50;
+  camera.cx = camera.cy = 50;
+  scene.cameras = {camera};
+  scene.train.resize(1);
+  for (int i = 0; i < 41; ++i)
+    for (const double x : {0., 0., 2. + 0.1 * i}) scene.points.xyz.push_back(x);
+  EXPECT_NEAR(pixel_size(scene), 4 / 50., 1e-12);
 }
 
 }  // namespace

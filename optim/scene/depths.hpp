@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How near to a camera a scene may have something to see. Gaussians that are nearer fill the images
-// of cameras that training does not use.
+// Depths that training cameras see: how near there may be something, and how large a pixel is.
 #pragma once
 #include "optim/scene/scene.hpp"
 
@@ -9,10 +8,15 @@ namespace gflow {
 // Scene::near_plane of a scene without a custom of its layout. The first of: half of where the
 // depth range of its files begins (Scene::near), a quarter of the depth of the nearest points in
 // view of a training camera, a hundredth of Scene::extent.
+// Gaussians that are nearer would fill the images of cameras that training does not use.
 double near_plane_of(const Scene& scene);
 
 // Share of the points in view of a training camera that are nearer than `near` to it, of the camera
 // where it is largest, in [0, 1].
 double share_of_points_nearer(const Scene& scene, double near);
+
+// Size of a pixel of a training image at the depth of what it shows [scene units]: the median over
+// cameras, at the median depth of the points in view, without points at focus_point().
+double pixel_size(const Scene& scene);
 
 }  // namespace gflow
