@@ -16,7 +16,7 @@ struct DensityOptions {
   int start = 500;
   float stop_fraction = 0.5f;
   int every = 100;
-  int cap = 30000;
+  int cap = 0;
   int memory = 0;
   float prune_opacity = 0.02f;
   float grad_threshold = 2e-4f;
@@ -42,7 +42,9 @@ struct DensityOptions {
     field("stop_fraction", self.stop_fraction, "last step, as a share of train.iterations",
           between(0, 1));
     field("every", self.every, "steps between two rounds", at_least(1));
-    field("cap", self.cap, "maximum number of Gaussians", at_least(1));
+    field("cap", self.cap,
+          "maximum number of Gaussians; 0: by the scene, 0.4 per pixel of an image, at least 30000",
+          at_least(0));
     field("memory", self.memory,
           "memory limit for adding Gaussians [MiB]; 0: three quarters of the device's memory",
           at_least(0));

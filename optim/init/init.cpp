@@ -11,6 +11,7 @@
 #include "optim/init/dynamic_seeds.hpp"
 #include "optim/loss/nearest_points.hpp"
 #include "optim/motion/bases.hpp"
+#include "optim/options/scene_defaults.hpp"
 #include "shared/random.h"
 #include "shared/sh.h"
 
@@ -242,7 +243,7 @@ HostModel read_init_file(const TrainOptions& config) {
                     "time with `gflow export --format ply --times T`",
                     path));
   if (file.count == 0) throw Error("init.file " + path + " has no Gaussians");
-  if (file.count > size_t(config.density.cap))
+  if (config.density.cap > 0 && file.count > size_t(config.density.cap))
     throw Error(
         fmt::format("init.file {} has {} Gaussians, more than density.cap = {}: raise it, for "
                     "example --set density.cap={}",
@@ -326,7 +327,8 @@ void require_first_points(const Scene& scene, const InitOptions& init) {
 HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vector<Rect>& parts,
                         const std::vector<StaticCamera>& static_cameras,
                         const std::vector<FlowPair>& pairs, FlowStore& flows,
-                        const TrainOptions& config) {
+                        const TrainOptions& options) {
+  const TrainOptions config = with_scene_defaults(options, scene);
   HostModel model = empty_model(scene, config);
   Seeds seeds;  // none for permanent Gaussians: seeds are short-lived
   if (!config.train.sequential && !is_permanent(model.shape.motion))

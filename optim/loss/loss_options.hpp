@@ -14,7 +14,7 @@ constexpr std::array<const char*, 3> names_of(CameraColor) { return {"auto", "of
 struct LossOptions {
   float ssim = 0.2f;
   CameraColor camera_color = CameraColor::automatic;
-  float camera_color_shrink = 0.1f;
+  float camera_color_shrink = 0.01f;
   float rigidity = 0;
   float rotation = 0;
   float isometry = 0;

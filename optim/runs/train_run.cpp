@@ -254,7 +254,7 @@ Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder&
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
-  config.render.near = near_or_default(config.render.near, scene);  // config.toml has what was used
+  config = prepared.config();  // config.toml has what was used
   if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);
   if (plan.starts_fresh()) require_first_points(scene, config.init);
   require_metric_networks(config, scene, prepared.frames());

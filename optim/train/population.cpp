@@ -7,6 +7,7 @@
 
 #include "optim/density/memory.hpp"
 #include "optim/engine/random_streams.hpp"
+#include "optim/options/scene_defaults.hpp"
 #include "shared/random.h"
 
 namespace gflow {
@@ -24,8 +25,8 @@ std::unique_ptr<StaticDetection> static_detection_for(Queue& queue, const TrainO
   return parameters.has_motion_rows() ? std::make_unique<StaticDetection>(queue) : nullptr;
 }
 
-DensityRule density_rule(const DensityOptions& options, const Scene& scene,
-                         const MotionShape& shape) {
+DensityRule density_rule(const TrainOptions& config, const Scene& scene, const MotionShape& shape) {
+  const DensityOptions options = with_scene_defaults(config, scene).density;
   const float extent = float(scene.extent);
   DensityRule rule;
   static_cast<DensityOptions&>(rule) = options;
@@ -47,7 +48,7 @@ Population::Population(Queue& queue, const TrainOptions& config, const Scene& sc
       scene_(scene),
       model_(model),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
-      density_rule_(density_rule(config.density, scene, model.shape)),
+      density_rule_(density_rule(config, scene, model.shape)),
       order_(queue),
       static_detection_(static_detection_for(queue, config, scene, model.parameters)) {}
 

@@ -11,6 +11,7 @@
 #include "optim/flow/point_tracks.hpp"
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
+#include "optim/options/scene_defaults.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/summary.hpp"
 #include "runtime/base/output.hpp"
@@ -136,7 +137,7 @@ Preparation::Preparation(const TrainOptions& config, const std::string& unpack_f
     : Preparation(config, load_scene(config.scene, unpack_folder)) {}
 
 Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
-    : config_(config), loaded_(std::move(loaded)) {
+    : loaded_(std::move(loaded)), config_(with_scene_defaults(config, loaded_.scene)) {
   if (scene().train.empty()) throw Error("scene '" + scene().name + "' has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
   require_guided_views(config, scene());

@@ -14,7 +14,7 @@ class Preparation {
  public:
   // Reads the scene and finds the pairs of images that have flow. Error if the scene is broken, has
   // no training views or lacks those that train.sequential needs, and if flow files are requested
-  // and missing. Warns of settings without effect. The configuration must outlive it.
+  // and missing. Warns of settings without effect.
   Preparation(const TrainOptions& config, const std::string& unpack_folder);
   // The same for a loaded scene.
   Preparation(const TrainOptions& config, LoadedScene loaded);
@@ -46,6 +46,8 @@ class Preparation {
   Trainer trainer(Queue& queue, Model& model, Guidance* guidance = nullptr,
                   const std::vector<MakeObjective>& more = {});
 
+  // The settings, with_scene_defaults().
+  const TrainOptions& config() const { return config_; }
   const LoadedScene& loaded() const { return loaded_; }
   const Scene& scene() const { return loaded_.scene; }
   FrameStore& frames() { return *loaded_.frames; }
@@ -54,8 +56,8 @@ class Preparation {
  private:
   PointCloud points_from_stereo();
 
-  const TrainOptions& config_;
   LoadedScene loaded_;
+  const TrainOptions config_;
   std::vector<FlowPair> neighbours_;  // pairs of neighbours, in both directions
   std::vector<FlowPair> pairs_;       // neighbours_ and pairs further apart
   std::optional<FlowStore> flows_;
