@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 
 #include "optim/density/memory.hpp"
 #include "optim/engine/random_streams.hpp"
@@ -49,6 +50,7 @@ Population::Population(Queue& queue, const TrainOptions& config, const Scene& sc
       model_(model),
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config, scene, model.shape)),
+      near_fade_(queue),
       order_(queue),
       static_detection_(static_detection_for(queue, config, scene, model.parameters)) {}
 
@@ -93,8 +95,22 @@ bool Population::refining(int done) const {
   return done >= d.start && done <= d.stop_fraction * float(config_.train.iterations);
 }
 
+void Population::fade_near(Queue& queue, uint32_t random) {
+  const Frame& one = scene_.train[random % scene_.train.size()];
+  std::map<int, PinholeCamera> cameras;
+  for (const Frame& frame : scene_.train)
+    if (frame.step == one.step)
+      cameras.emplace(frame.camera, pinhole(scene_.cameras[size_t(frame.camera)],
+                                            near_or_default(config_.render.near, scene_)));
+  std::vector<PinholeCamera> views;
+  for (const auto& [camera, view] : cameras) views.push_back(view);
+  near_fade_.run(queue, model_.parameters, *model_.motion, model_.time(one.time), views,
+                 logit(density_rule_.prune_opacity) - 1);
+}
+
 bool Population::refine(Queue& queue, uint32_t seed) {
   Parameters& p = model_.parameters;
+  fade_near(queue, seed);
   DensityRule rule = density_rule_;
   const size_t budget = size_t(config_.density.memory);
   memory_holds_ =

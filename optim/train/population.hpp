@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "optim/density/density.hpp"
+#include "optim/density/near_fade.hpp"
 #include "optim/density/order.hpp"
 #include "optim/density/static_detection.hpp"
 #include "optim/model/renderer.hpp"
@@ -48,6 +49,8 @@ class Population {
   bool refine(Queue& queue, uint32_t seed);
   bool settling(int done) const;
   bool settle(Queue& queue);
+  // Fades what is before the near planes of the cameras of a random time step.
+  void fade_near(Queue& queue, uint32_t random);
   void memory_is_short(const std::string& sentence);
 
   const TrainOptions& config_;
@@ -55,6 +58,7 @@ class Population {
   Model& model_;
   std::unique_ptr<Density> density_;  // nullptr: the number is constant
   DensityRule density_rule_;
+  NearFade near_fade_;
   RowOrder order_;
   std::unique_ptr<StaticDetection> static_detection_;         // nullptr: all are dynamic
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // limit on the number of Gaussians
