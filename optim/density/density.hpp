@@ -14,7 +14,8 @@
 
 namespace gflow {
 
-// Lengths in scene units, times in model time. Each strategy reads what it needs.
+// Lengths in scene units, times in model time; the cap is never 0. Each strategy reads what it
+// needs.
 struct DensityRule : DensityOptions {
   float cutoff = 0.05f;  // Gaussians below this temporal weight at all times are removed
   SplitRule split;       // how one Gaussian becomes two; the length of the video
