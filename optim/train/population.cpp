@@ -110,13 +110,13 @@ void Population::fade_near(Queue& queue, uint32_t random) {
 
 bool Population::refine(Queue& queue, uint32_t seed) {
   Parameters& p = model_.parameters;
-  fade_near(queue, seed);
   DensityRule rule = density_rule_;
   const size_t budget = size_t(config_.density.memory);
   memory_holds_ =
       std::min(memory_holds_, most_gaussians(queue.info, p, budget, config_.adam.beta1 > 0));
   rule.cap = int(std::min(size_t(rule.cap), memory_holds_));
   try {
+    fade_near(queue, seed);
     density_->refine(queue, p, *model_.motion, rule, seed);
   } catch (const Error& problem) {
     if (!is_out_of_memory(problem)) throw;
