@@ -17,6 +17,7 @@ double share_of_points_nearer(const Scene& scene, double near);
 
 // Size of a pixel of a training image at the depth of what it shows [scene units]: the median over
 // cameras, at the median depth of the points in view, without points at focus_point().
+// Precondition: there is a training image.
 double pixel_size(const Scene& scene);
 
 }  // namespace gflow

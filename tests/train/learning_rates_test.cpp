@@ -9,8 +9,18 @@ namespace {
 
 class RatesTest : public testing::Test {
  protected:
-  RatesTest() {
+  // A camera whose pixels are 0.05 scene units at what it looks at, in the distance of the extent.
+  static Scene one_camera() {
+    Scene scene;
+    Camera camera;
+    camera.width = camera.height = 100;
+    camera.fx = camera.fy = camera.cx = camera.cy = 50;
+    scene.cameras = {camera};
+    scene.train.resize(1);
     scene.extent = 2.5;
+    return scene;
+  }
+  RatesTest() {
     scene.steps = 5;
     shape.duration = 2;
     config.train.iterations = 100;
@@ -28,7 +38,7 @@ class RatesTest : public testing::Test {
     spec.motion = motion;
     return rates.of(spec, step).lr;
   }
-  Scene scene;
+  Scene scene = one_camera();
   MotionShape shape;
   TrainOptions config;
   Rates rates{config, scene, shape};
@@ -77,6 +87,18 @@ TEST_F(RatesTest, CautionSlowsAllOfThem) {
   rates.scale = 0.5f;
   EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 0.125f);
   EXPECT_FLOAT_EQ(rate(Quantity::color, 0), 0.005f);
+}
+
+TEST_F(RatesTest, NoFactorOfPaceMovesAGaussianByMoreThanThreeTenthsOfAPixel) {
+  config.lr.motion = 1;
+  config.lr.pace_most = 8;
+  // extent 2.5 x rate = 0.002 per step = 0.04 px: 7.5 times that are 0.3 px
+  config.lr.means = 0.0008f;
+  EXPECT_NEAR((Rates{config, scene, shape}.pace_most()), 7.5, 1e-4);
+  config.lr.means = 0.0004f;
+  EXPECT_EQ((Rates{config, scene, shape}.pace_most()), 8);
+  config.lr.means = 0.1f;
+  EXPECT_EQ((Rates{config, scene, shape}.pace_most()), 1);
 }
 
 }  // namespace
