@@ -5,10 +5,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "optim/objectives/crop.hpp"
 
 namespace gflow {
+
+// Cameras that stand still take several images each, or one each of a scene that does.
+bool have_own_colors(CameraColor choice, const Scene& scene) {
+  if (choice != CameraColor::automatic) return choice == CameraColor::on;
+  std::set<int> cameras;
+  for (const Frame& frame : scene.train) cameras.insert(frame.camera);
+  const bool still = scene.steps < 2 || scene.train.size() >= 2 * cameras.size();
+  return still && cameras.size() >= 3;
+}
 
 ImageObjective::ImageObjective(Queue& queue, const Scene& scene, FrameStore& frames, float ssim,
                                const std::optional<CameraColorRule>& colors)

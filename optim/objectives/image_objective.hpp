@@ -8,10 +8,14 @@
 #include "optim/loss/camera_colors.hpp"
 #include "optim/loss/ignored_pixels.hpp"
 #include "optim/loss/image_loss.hpp"
+#include "optim/loss/loss_options.hpp"
 #include "optim/objectives/objective.hpp"
 #include "optim/scene/frame_store.hpp"
 
 namespace gflow {
+
+// Whether training cameras get colours of their own (loss.camera_color).
+bool have_own_colors(CameraColor choice, const Scene& scene);
 
 class ImageObjective : public Objective {
  public:

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/make_objectives.hpp"
 
-#include <set>
-
 #include "optim/objectives/flow_objective.hpp"
 #include "optim/objectives/guidance_objective.hpp"
 #include "optim/objectives/image_objective.hpp"
@@ -11,19 +9,9 @@
 namespace gflow {
 namespace {
 
-// Cameras that stand still take several images each, or one each of a scene that does.
-bool have_own_colors(const TrainInputs& in) {
-  const CameraColor choice = in.options.loss.camera_color;
-  std::set<int> cameras;
-  for (const Frame& frame : in.scene.train) cameras.insert(frame.camera);
-  const bool still = in.scene.steps < 2 || in.scene.train.size() >= 2 * cameras.size();
-  return choice == CameraColor::automatic ? still && cameras.size() >= 3
-                                          : choice == CameraColor::on;
-}
-
 std::unique_ptr<Objective> image(const TrainInputs& in) {
   std::optional<CameraColorRule> colors;
-  if (have_own_colors(in))
+  if (have_own_colors(in.options.loss.camera_color, in.scene))
     colors = {in.options.lr.camera_color, in.options.loss.camera_color_shrink};
   return std::make_unique<ImageObjective>(in.queue, in.scene, in.frames, in.options.loss.ssim,
                                           colors);

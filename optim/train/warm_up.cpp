@@ -5,6 +5,7 @@
 #include "optim/init/init.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
+#include "optim/objectives/image_objective.hpp"
 #include "optim/scene/loaded_scene.hpp"
 
 namespace gflow {
@@ -62,8 +63,14 @@ void draw_and_return(Queue& queue, const EngineSettings& settings, Channels chan
   queue.finish();
 }
 
-void compare(Queue& queue, const TrainOptions& config, WarmUpImage& p) {
+void compare(Queue& queue, const TrainOptions& config, const Scene& scene, WarmUpImage& p) {
   const size_t pixels = TILE * TILE;
+  if (have_own_colors(config.loss.camera_color, scene)) {
+    CameraColors colors(queue, 1, {});
+    colors.show(queue, 0, pixels, p.images.rgb);
+    colors.backward(queue, 0, pixels, p.images.rgb, p.v.v_rgb);
+    colors.step(queue, 0);
+  }
   ImageLoss image(queue, config.loss.ssim);
   image.run(queue, TILE, TILE, p.images.rgb, zeros<cl_uchar>(queue, 3 * pixels), p.v.v_rgb);
   image.value(queue);
@@ -130,7 +137,7 @@ void warm_up_kernels(Queue& queue, const TrainOptions& config) {
   model.parameters.forget_seen(queue);
   roll_back(queue, model, image);
   learn(queue, config, model.parameters);
-  compare(queue, config, image);
+  compare(queue, config, scene, image);
   go_forth(queue, flow, model, image);
 }
 
