@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
+#include <malloc.h>
+
 #include <functional>
 
 #include "runtime/base/usage.hpp"
@@ -11,6 +13,10 @@ inline double memory_of(const std::function<void()>& call) {
   call();
   return 0;
 #else
+  // As in a fresh process: large blocks freed by earlier tests make malloc take later ones from the
+  // heap, where a growing vector leaves holes.
+  mallopt(M_MMAP_THRESHOLD, 128 << 10);
+  malloc_trim(0);
   gflow::begin_peak_memory();
   const double before = gflow::peak_memory_mib();
   call();
