@@ -6,14 +6,13 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
-#include <exception>
 #include <filesystem>
 #include <memory>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include "runtime/base/error.hpp"
+#include "runtime/base/parallel.hpp"
 
 namespace gflow {
 namespace {
@@ -159,33 +158,6 @@ class Estimator {
   std::set<std::pair<int, int>> at_work_;
 };
 
-// Runs work(i) for i in 0..n-1 on several threads including this one; with fewer if the system
-// grants no more. The first exception stops the work and is rethrown here.
-void for_each_parallel(size_t n, size_t threads, const std::function<void(size_t)>& work) {
-  std::atomic<size_t> next{0};
-  std::mutex mutex;
-  std::exception_ptr first;
-  const auto run = [&] {
-    for (size_t i; (i = next++) < n;) {
-      try {
-        work(i);
-      } catch (...) {
-        const std::lock_guard<std::mutex> lock(mutex);
-        if (!first) first = std::current_exception();
-        next = n;
-      }
-    }
-  };
-  std::vector<std::thread> workers;
-  try {
-    for (size_t t = 1; t < std::min(threads, n); ++t) workers.emplace_back(run);
-  } catch (const std::exception&) {  // std::system_error or out of memory
-  }
-  run();
-  for (std::thread& worker : workers) worker.join();
-  if (first) std::rethrow_exception(first);
-}
-
 }  // namespace
 
 size_t num_compared(const std::vector<FlowPair>& pairs) { return without_direction(pairs).size(); }
@@ -206,8 +178,7 @@ StoreFlow stored_flows(const Scene& scene, FrameStore& frames, const FlowEstimat
 
 FlowStore estimated_flows(const Scene& scene, const std::vector<FlowPair>& pairs,
                           FrameStore& frames, const FlowEstimation& how) {
-  const size_t threads =
-      how.threads > 0 ? size_t(how.threads) : std::max(1u, std::thread::hardware_concurrency());
+  const size_t threads = how.threads > 0 ? size_t(how.threads) : num_cores();
   const auto estimator = std::make_shared<Estimator>(scene, frames, how);
   if (how.beforehand) {
     const std::vector<FlowPair> work = without_direction(pairs);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "optim/engine/random_streams.hpp"
+#include "runtime/base/parallel.hpp"
 #include "shared/random.h"
 
 namespace gflow {
@@ -172,17 +173,31 @@ PointCloud stereo_points(const Scene& scene, FrameStore& frames,
   const std::vector<Eye> eyes = eyes_of(scene, frames, static_cameras);
   if (eyes.size() < 2) return points;
   const Depths depths = depths_of(scene, eyes);
-  for (uint n = 0; n < kTries * count && points.size() < count; ++n) {
-    const size_t i = n % eyes.size();
-    const Eye& eye = eyes[i];
-    const int x = 1 + int(random_uniform(seed, streams::kStereoColumn, n) * (eye.camera.width - 2));
-    const int y = 1 + int(random_uniform(seed, streams::kStereoRow, n) * (eye.camera.height - 2));
-    if (!eye.holds(x, y)) continue;
-    const Match match = match_of(eyes, i, x, y, depths);
-    if (!match.found) continue;
-    const Eigen::Vector3d p = on_ray(eye, x + 0.5, y + 0.5, match.depth);
-    for (long axis = 0; axis < 3; ++axis) points.xyz.push_back(p[axis]);
-    for (int c = 0; c < 3; ++c) points.rgb.push_back(uint8_t(eye.at(x, y)[c] + 0.5f));
+  // Tested pixel number n: its camera and place, and what was found there.
+  struct Test {
+    size_t eye = 0;
+    int x = 0, y = 0;
+    Match match;
+  };
+  constexpr size_t at_once = 1024;
+  std::vector<Test> tests(at_once);
+  for (size_t first = 0; first < kTries * count && points.size() < count; first += at_once) {
+    for_each_parallel(at_once, num_cores(), [&](size_t k) {
+      const uint n = uint(first + k);
+      Test& test = tests[k] = {n % eyes.size(), 0, 0, {}};
+      const Camera& camera = eyes[test.eye].camera;
+      test.x = 1 + int(random_uniform(seed, streams::kStereoColumn, n) * (camera.width - 2));
+      test.y = 1 + int(random_uniform(seed, streams::kStereoRow, n) * (camera.height - 2));
+      if (eyes[test.eye].holds(test.x, test.y))
+        test.match = match_of(eyes, test.eye, test.x, test.y, depths);
+    });
+    for (size_t k = 0; k < std::min(at_once, kTries * count - first); ++k) {
+      const auto& [eye, x, y, match] = tests[k];
+      if (!match.found || points.size() >= count) continue;
+      const Eigen::Vector3d p = on_ray(eyes[eye], x + 0.5, y + 0.5, match.depth);
+      for (long axis = 0; axis < 3; ++axis) points.xyz.push_back(p[axis]);
+      for (int c = 0; c < 3; ++c) points.rgb.push_back(uint8_t(eyes[eye].at(x, y)[c] + 0.5f));
+    }
   }
   return points;
 }
