@@ -26,8 +26,8 @@ enum class CameraMotion { none, any };
 std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& backward);
 
 // Flow and confidence for a pair of images (RGB, same size), from a to b and from b to a. DIS at
-// scale 0 with patches of 8; for cameras that stand still with a wider stride, as there are many
-// pairs. Uses one thread, so the result does not depend on their number.
+// scale 0 with patches of 8 and stride 1. Uses one thread, so the result does not depend on their
+// number.
 std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Image& b,
                                                         CameraMotion camera);
 

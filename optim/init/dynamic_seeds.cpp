@@ -16,8 +16,9 @@ namespace gflow {
 namespace {
 
 constexpr size_t kLeastCameras = 3;
-// Of the cameras that have a moving point in view, some see it before a background like it.
-constexpr double kShareThatSees = 0.8;
+// Of many cameras that have a moving point in view, some see it before a background like it: if all
+// must see change, there may be few seeds.
+constexpr double kAll = 1, kMost = 0.8;
 
 // Bounding box without the outermost 2 % of the points at each side of each axis.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> box_of(const std::vector<double>& xyz) {
@@ -56,14 +57,15 @@ struct StepViews {
   std::vector<std::shared_ptr<const TargetFlow>> flows;  // null if there is none
   double time = 0;                                       // of the time step, in [0, 1]
   double flow_time = 0;  // time that the flow covers [lengths of the video]
+  double share = kAll;   // of the cameras that must see change
 };
 
-// Whether at least kLeastCameras cameras see change at the point, which are at least kShareThatSees
-// of those that have it in view; sets the mean colour.
+// Whether at least kLeastCameras cameras see change at the point, which are at least views.share of
+// those that have it in view; sets the mean colour.
 bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::array<int, 3>& color) {
   size_t in_view = 0, seen = 0;
   std::array<int, 3> sum{};
-  const double most_unseen = (1 - kShareThatSees) * double(views.cameras.size());
+  const double most_unseen = (1 - views.share) * double(views.cameras.size());
   for (size_t c = 0; c < views.cameras.size(); ++c) {
     const long at = pixel_of(*views.cameras[c], point);
     if (at < 0) continue;
@@ -75,7 +77,7 @@ bool inside_hull(const StepViews& views, const Eigen::Vector3d& point, std::arra
     ++seen;
     for (size_t k = 0; k < 3; ++k) sum[k] += views.images[c]->pixels[3 * size_t(at) + k];
   }
-  if (seen < kLeastCameras || double(seen) < kShareThatSees * double(in_view)) return false;
+  if (seen < kLeastCameras || double(seen) < views.share * double(in_view)) return false;
   for (size_t k = 0; k < 3; ++k) color[k] = sum[k] / int(seen);
   return true;
 }
@@ -226,15 +228,22 @@ Seeds dynamic_seeds(const Scene& scene, FrameStore& frames,
   const auto flow_of = flow_index(scene, pairs, flows);
   const size_t wanted = std::max<size_t>(1, size_t(config.init.dynamic) / size_t(scene.steps));
   const uint seed = uint(config.train.seed);
+  double share = kAll;
   const auto views_of = [&](int step) {
-    return views_at(static_cameras, step, scene, frames, pairs, flows, flow_of);
+    StepViews views = views_at(static_cameras, step, scene, frames, pairs, flows, flow_of);
+    views.share = share;
+    return views;
   };
   seeds = seeds_in(box_of(scene.points.xyz), scene.steps, views_of, wanted, seed);
   // Points of a far background make the box so large that few candidates lie in the hull.
   if (2 * seeds.size() >= size_t(config.init.dynamic)) return seeds;
-  if (const auto box = box_of_change(scene, views_of, seed)) {
-    Seeds others = seeds_in(*box, scene.steps, views_of, wanted, seed);
-    if (others.size() > seeds.size()) return others;
+  for (const double enough : {kAll, kMost}) {
+    share = enough;
+    if (2 * seeds.size() >= size_t(config.init.dynamic)) break;
+    if (const auto box = box_of_change(scene, views_of, seed)) {
+      Seeds others = seeds_in(*box, scene.steps, views_of, wanted, seed);
+      if (others.size() > seeds.size()) seeds = std::move(others);
+    }
   }
   return seeds;
 }
