@@ -99,7 +99,8 @@ void ImageObjective::save_state(Queue& queue, Arrays& arrays) {
 }
 
 void ImageObjective::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
-  if (colors_) colors_->load_state(queue, arrays, path);
+  // Checkpoints of an older gflow have none: cameras begin alike.
+  if (colors_ && arrays.count("camera_colors/values")) colors_->load_state(queue, arrays, path);
 }
 
 }  // namespace gflow

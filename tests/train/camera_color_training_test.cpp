@@ -65,5 +65,19 @@ TEST_F(CameraColorTraining, LosesNothingWhereCamerasAreAlike) {
   EXPECT_GT(psnr_of_test_camera({1}, CameraColor::automatic), off - 0.2);
 }
 
+TEST_F(CameraColorTraining, GoesOnFromACheckpointThatHasNone) {
+  const TrainOptions config = small_config(scene(), 20);
+  SmallTraining training(queue(), config);
+  training.steps(queue(), 5);
+  Arrays state = training.trainer.state(queue());
+  size_t removed = 0;
+  for (const char* name : {"values", "exp_avg", "exp_avg_sq", "steps"})
+    removed += state.erase(std::string("camera_colors/") + name);
+  EXPECT_EQ(removed, 4u);
+  SmallTraining then(queue(), config);
+  EXPECT_NO_THROW(then.go_on(queue(), state, 5));
+  then.steps(queue(), 1);
+}
+
 }  // namespace
 }  // namespace gflow
