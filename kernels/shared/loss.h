@@ -109,4 +109,34 @@ static inline RobustNormGradient robust_norm_vjp(LOSS_LANE x, LOSS_LANE y, real 
   return out;
 }
 
+// The depth loss of a pixel: alpha rho(log(z / target)) with the mean depth z = depth / alpha, both
+// above 0. The factor alpha counts as a constant. A relative error is the same at every distance.
+typedef struct DepthPixel {
+  LOSS_LANE error;  // log(z / target)
+  LOSS_LANE loss, v_depth, v_alpha;
+} DepthPixel;
+static inline DepthPixel depth_pixel(LOSS_LANE depth, LOSS_LANE alpha, LOSS_LANE target,
+                                     real knee) {
+  DepthPixel out;
+  out.error = log(depth / (alpha * target));
+  const LOSS_LANE none = out.error - out.error;
+  out.loss = alpha * robust_norm(out.error, none, knee);
+  const LOSS_LANE v_error = robust_norm_vjp(out.error, none, knee, none + (real)1).x;
+  out.v_depth = v_error * alpha / depth;
+  out.v_alpha = -v_error;
+  return out;
+}
+
+// Weights of a pixel in the fit of scale and shift to a file, so that outliers do not decide
+// (Cauchy). residual: relative to the mean of what is fitted. x: the file's value, with median 0 and
+// median deviation 1.
+static inline LOSS_LANE depth_fit_weight(LOSS_LANE residual) {
+  const LOSS_LANE r = residual / (real)0.1f;
+  return (real)1 / ((real)1 + r * r);
+}
+static inline LOSS_LANE depth_file_weight(LOSS_LANE x) {
+  const LOSS_LANE r = x / (real)4;
+  return (real)1 / ((real)1 + r * r);
+}
+
 #endif

@@ -8,7 +8,7 @@
 #include "optim/eval/shown_images.hpp"
 #include "optim/flow/estimated_flow.hpp"
 #include "optim/loss/metrics.hpp"
-#include "optim/scene/true_depth.hpp"
+#include "optim/scene/depth_map.hpp"
 #include "runtime/base/warning.hpp"
 #include "shared/loss.h"
 
@@ -103,6 +103,7 @@ class Evaluator {
       : queue_(queue),
         model_(model),
         config_(config),
+        scene_(loaded.scene),
         frames_(frames),
         folder_(folder),
         store_(*loaded.frames),
@@ -146,8 +147,9 @@ class Evaluator {
     evaluate_image(view, image, truth, reference,
                    counted ? counted->pixels : std::vector<uint8_t>{});
     evaluate_flow(view, reference, i);
-    if (!frame.depth_path.empty()) {
-      std::vector<float> depth = read_true_depth(frame, camera.width, camera.height);
+    if (has_true_depth(frame, config_.scene)) {
+      std::vector<float> depth = read_depth_map(frame, scene_.cameras[size_t(frame.camera)],
+                                                camera.width, camera.height, config_.scene);
       for (size_t k = 0; counted && k < depth.size(); ++k)
         if (!counted->pixels[k]) depth[k] = NAN;  // unknown
       view.depth_error = depth_error(renderer_.images().depth.read(queue_),
@@ -207,7 +209,7 @@ class Evaluator {
     shot.time = frame.time;
     shot.time_t2 = reference.time;
     shot.flow = !reference.empty();
-    shot.depth = !frame.depth_path.empty();
+    shot.depth = has_true_depth(frame, config_.scene);
     shot.background = {level, level, level};
     renderer_.forward(queue_, model_, shot);
   }
@@ -256,6 +258,7 @@ class Evaluator {
   Queue& queue_;
   Model& model_;
   const TrainOptions& config_;
+  const Scene& scene_;
   const std::vector<Frame>& frames_;
   const std::string& folder_;
   FrameStore& store_;

@@ -195,6 +195,15 @@ void write_png16(const std::string& path, int width, int height,
       path, encode_png({width, height, 1, 16, reinterpret_cast<const uint8_t*>(values.data())}));
 }
 
+GreyLevels read_grey_levels(const std::string& path) {
+  DecodedImage decoded = read_decoded(path);
+  if (decoded.channels != 1)
+    throw Error(fmt::format("{} has colours or alpha, expected grey levels of 8 or 16 bits", path));
+  cv::Mat levels;
+  as_mat(decoded).convertTo(levels, CV_16U);
+  return {levels.cols, levels.rows, {levels.begin<uint16_t>(), levels.end<uint16_t>()}};
+}
+
 FlowField read_kitti_flow(const std::string& path) {
   const Bytes bytes = read_file(path);
   const ImageHeader header = check_image_bytes(bytes, path);

@@ -46,6 +46,14 @@ void write_png(const std::string& path, const Image& image);
 void write_png16(const std::string& path, int width, int height,
                  const std::vector<uint16_t>& values);
 
+// A grey PNG of 8 or 16 bits as stored, [height, width], for instance depth. Error for
+// other images.
+struct GreyLevels {
+  int width = 0, height = 0;  // [px]
+  std::vector<uint16_t> levels;
+};
+GreyLevels read_grey_levels(const std::string& path);
+
 // KITTI flow: 16-bit RGB PNG, u = (R - 2^15) / 64, v = (G - 2^15) / 64, valid where B > 0.
 FlowField read_kitti_flow(const std::string& path);
 

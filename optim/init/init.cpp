@@ -167,8 +167,8 @@ FirstPoints first_points(const Scene& scene, FrameStore& frames, const std::vect
                          const TrainOptions& config) {
   const InitFrom from = config.init.from;
   const std::vector<ObjectView> by_time = views_by_time(scene, parts);
-  const bool given =
-      from == InitFrom::points || from == InitFrom::stereo || from == InitFrom::automatic;
+  const bool given = from == InitFrom::points || from == InitFrom::depth ||
+                     from == InitFrom::stereo || from == InitFrom::automatic;
   require_first_points(scene, config.init);
   FirstPoints points;
   if (given && scene.points.size() > 0)

@@ -8,9 +8,9 @@
 
 namespace gflow {
 
-enum class InitFrom { automatic, points, stereo, random, visual_hull, file };
-constexpr std::array<const char*, 6> names_of(InitFrom) {
-  return {"auto", "points", "stereo", "random", "visual-hull", "file"};
+enum class InitFrom { automatic, points, depth, stereo, random, visual_hull, file };
+constexpr std::array<const char*, 7> names_of(InitFrom) {
+  return {"auto", "points", "depth", "stereo", "random", "visual-hull", "file"};
 }
 
 struct InitOptions {
@@ -32,16 +32,17 @@ struct InitOptions {
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
     field("from", self.from,
-          "points: the scene's points; stereo: points where the colours of several cameras agree; "
-          "random: random points in a box; visual-hull: random points on the object, by the "
-          "images' alpha; file: Gaussians of init.file; auto: the first available of file, points, "
-          "visual-hull, stereo, random");
+          "points: the scene's points; depth: random pixels at the depths of metric depth files; "
+          "stereo: points where the colours of several cameras agree; random: random points in a "
+          "box; visual-hull: random points on the object, by the images' alpha; file: Gaussians of "
+          "init.file; auto: the first available of file, points, visual-hull, depth (if loss.depth "
+          "uses it), stereo, random");
     field("file", self.file,
           "static splat in the scene's coordinates: .ply, compressed .ply, .splat, .spz");
     field("strict", self.strict,
           advanced("refuse a file with Gaussians that cannot be drawn, instead of leaving them "
                    "out"));
-    field("count", self.count, "number of random or stereo points", at_least(1));
+    field("count", self.count, "number of random, depth or stereo points", at_least(1));
     field("opacity", self.opacity, "initial opacity", above_up_to(0, 0.99f));
     field("box", self.box, advanced("side of the box of random points [x scene extent]"), above(0));
     field("dynamic", self.dynamic,

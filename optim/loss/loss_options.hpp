@@ -15,6 +15,8 @@ struct LossOptions {
   float ssim = 0.2f;
   CameraColor camera_color = CameraColor::automatic;
   float camera_color_shrink = 0.01f;
+  float depth = 0;
+  float depth_knee = 0.05f;
   float rigidity = 0;
   float rotation = 0;
   float isometry = 0;
@@ -34,6 +36,12 @@ struct LossOptions {
           "rendered with the mean colours");
     field("camera_color_shrink", self.camera_color_shrink,
           advanced("weight of the squares of that map's deviations from identity"), at_least(0));
+    field("depth", self.depth,
+          "weight of the depth loss: rendered depth against the files in depth/ (scene.depth says "
+          "what they hold); 0: off",
+          at_least(0));
+    field("depth_knee", self.depth_knee,
+          advanced("relative error of the depth from which the loss grows linearly"), above(0));
     field("rigidity", self.rigidity, "weight: neighbours move as their rotations predict; 0: off",
           at_least(0));
     field("rotation", self.rotation, "weight: neighbours rotate alike; 0: off", at_least(0));

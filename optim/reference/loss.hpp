@@ -104,4 +104,49 @@ inline FlowLossResult flow_loss(const std::vector<double>& flow, const std::vect
   return out;
 }
 
+struct DepthLossResult {
+  double loss = 0;
+  std::vector<double> v_depth, v_alpha;  // [H, W]
+};
+
+// depth, alpha, weights, target [H, W]; weights are the alphas by which pixels weigh, as constants.
+// target: depth of the file, NaN where there is none.
+inline DepthLossResult depth_loss(const std::vector<double>& depth,
+                                  const std::vector<double>& alpha,
+                                  const std::vector<double>& weights,
+                                  const std::vector<double>& target, double weight, double knee) {
+  const size_t pixels = depth.size();
+  DepthLossResult out{0, std::vector<double>(pixels), std::vector<double>(pixels)};
+  for (size_t i = 0; i < pixels; ++i) {
+    if (!(depth[i] > 0 && alpha[i] > 0 && target[i] > 0)) continue;
+    const double error = std::log(depth[i] / alpha[i] / target[i]);
+    const double w = weight / double(pixels) * weights[i];
+    const double root = std::sqrt(error * error + knee * knee);
+    out.loss += w * (root - knee);
+    out.v_depth[i] = w * error / root / depth[i];
+    out.v_alpha[i] = -w * error / root / alpha[i];
+  }
+  return out;
+}
+
+// Scale and shift of x for y, by least squares.
+struct LineFit {
+  double scale = 0, shift = 0;
+};
+inline LineFit line_fit(const std::vector<double>& x, const std::vector<double>& y,
+                        const std::vector<double>& weights) {
+  double w = 0, mean_x = 0, mean_y = 0, xx = 0, xy = 0;
+  for (size_t i = 0; i < x.size(); ++i) {
+    w += weights[i];
+    mean_x += weights[i] * x[i];
+    mean_y += weights[i] * y[i];
+  }
+  mean_x /= w, mean_y /= w;
+  for (size_t i = 0; i < x.size(); ++i) {
+    xx += weights[i] * (x[i] - mean_x) * (x[i] - mean_x);
+    xy += weights[i] * (x[i] - mean_x) * (y[i] - mean_y);
+  }
+  return {xy / xx, mean_y - xy / xx * mean_x};
+}
+
 }  // namespace gflow::reference

@@ -8,7 +8,7 @@
 #include "optim/eval/metric_networks.hpp"
 #include "optim/eval/rendering.hpp"
 #include "optim/runs/replacement.hpp"
-#include "optim/scene/true_depth.hpp"
+#include "optim/scene/depth_map.hpp"
 #include "runtime/base/interrupt.hpp"
 #include "runtime/base/progress.hpp"
 
@@ -63,7 +63,9 @@ void require_metric_networks(const TrainOptions& config, const Scene& scene,
   for (const Frame& frame : scene.test) {
     const Camera& camera = frames.camera(frame);
     networks.require_size(camera.width, camera.height);
-    if (!frame.depth_path.empty()) read_true_depth(frame, camera.width, camera.height);
+    if (has_true_depth(frame, config.scene))
+      read_depth_map(frame, scene.cameras[size_t(frame.camera)], camera.width, camera.height,
+                     config.scene);
   }
   if (!scene.tracks_path.empty()) read_tracks(scene.tracks_path, scene.origin);
 }

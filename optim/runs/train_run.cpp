@@ -100,7 +100,7 @@ HostModel first_model(RunParts& parts) {
   const HostModel first = parts.prepared.first_model(parts.queue);
   if (!parts.quiet)
     print_status("{}", first_gaussians_in_words(first, parts.scene(), parts.config.init,
-                                                parts.prepared.began_with_stereo()));
+                                                parts.prepared.place_of_points()));
   return first;
 }
 

@@ -10,14 +10,6 @@
 namespace gflow {
 namespace {
 
-// Position in the stored image of a pixel position in the pinhole image.
-Eigen::Vector2d source_of(const Camera& camera, double u, double v) {
-  const Lens& lens = camera.lens;
-  const Eigen::Vector2d p =
-      distorted(lens, {(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy});
-  return {lens.fx * p.x() + lens.cx, lens.fy * p.y() + lens.cy};
-}
-
 // Whether every position from the centre to (u, v) maps to a distinct position inside the stored
 // image. Beyond the range they were fitted to, distortion polynomials fold back and would show the
 // same place twice.
@@ -28,7 +20,7 @@ bool has_source(const Camera& camera, double u, double v) {
     // An extra sample close to the end catches a fold just before it.
     const double t = i < parts ? double(i) / parts : i == parts ? 0.999 : 1;
     const Eigen::Vector2d at =
-        source_of(camera, camera.cx + t * (u - camera.cx), camera.cy + t * (v - camera.cy));
+        stored_at(camera, camera.cx + t * (u - camera.cx), camera.cy + t * (v - camera.cy));
     const double distance = std::hypot(at.x() - camera.cx, at.y() - camera.cy);
     if (!(distance > before)) return false;
     before = distance;
@@ -67,6 +59,14 @@ Eigen::Vector2d distorted(const Lens& lens, const Eigen::Vector2d& point) {
           d * y + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
 }
 
+Eigen::Vector2d stored_at(const Camera& camera, double u, double v) {
+  const Lens& lens = camera.lens;
+  if (lens.kind == Lens::Kind::none) return {u, v};
+  const Eigen::Vector2d p =
+      distorted(lens, {(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy});
+  return {lens.fx * p.x() + lens.cx, lens.fy * p.y() + lens.cy};
+}
+
 Camera pinhole_of_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& k,
                        const std::string& what) {
   for (const double value : k)
@@ -93,7 +93,7 @@ Image undistorted(const Image& image, const Camera& camera) {
   from.reserve(2 * size_t(camera.width) * size_t(camera.height));
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector2d at = source_of(camera, x + 0.5, y + 0.5);
+      const Eigen::Vector2d at = stored_at(camera, x + 0.5, y + 0.5);
       from.push_back(float(at.x()));
       from.push_back(float(at.y()));
     }

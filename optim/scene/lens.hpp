@@ -26,6 +26,10 @@ Eigen::Vector2d distorted(const Lens& lens, const Eigen::Vector2d& point);
 Camera pinhole_of_lens(Camera camera, Lens::Kind kind, const std::array<double, 8>& k,
                        const std::string& what);
 
+// Position in the stored image of a position (u, v) in the pinhole image, both in the camera's size
+// [px].
+Eigen::Vector2d stored_at(const Camera& camera, double u, double v);
+
 // The image as seen by the pinhole camera; unchanged if the camera has no lens. The image must have
 // the camera's size.
 Image undistorted(const Image& image, const Camera& camera);

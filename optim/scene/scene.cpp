@@ -14,8 +14,9 @@
 #include <string_view>
 
 #include "optim/scene/camera_settings.hpp"
-#include "optim/scene/held_back.hpp"
+#include "optim/scene/depth_map.hpp"
 #include "optim/scene/depths.hpp"
+#include "optim/scene/held_back.hpp"
 #include "optim/scene/readers/mask_files.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
@@ -355,6 +356,7 @@ Scene read_scene(const std::string& path, const SceneOptions& options,
   Scene scene = read_recognised(path, options);
   scene.folder = path;
   set_masks(scene, options);
+  find_depth_files(scene);
   const fs::path absolute = fs::absolute(path).lexically_normal();
   const fs::path last = (absolute.has_filename() ? absolute : absolute.parent_path()).filename();
   scene.name = (fs::is_directory(path) ? last : last.stem()).string();

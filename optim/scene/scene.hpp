@@ -32,7 +32,7 @@ struct Frame {
   // Mask of the true flow: 255 visible at both times, 128 occluded at the target time, 0 no
   // surface; or empty.
   std::string flow_mask_path;
-  std::string depth_path;  // true depth along +z, .npy, or empty
+  std::string depth_path;  // depth map (depth_map.hpp), or empty
   std::string name;        // unique in the scene and valid as a file name, e.g. cam03_0007
 };
 

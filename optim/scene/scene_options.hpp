@@ -18,6 +18,13 @@ constexpr std::array<const char*, 3> names_of(Background) { return {"white", "bl
 enum class Masks { automatic, ignore, alpha, none };
 constexpr std::array<const char*, 4> names_of(Masks) { return {"auto", "ignore", "alpha", "none"}; }
 
+// What depth files hold: depth in scene units, depth up to a scale and a shift of each image, or
+// inverse depth up to these, as networks for single images estimate it.
+enum class DepthFiles { metric, scaled, disparity };
+constexpr std::array<const char*, 3> names_of(DepthFiles) {
+  return {"metric", "scaled", "disparity"};
+}
+
 // Times of images: those in the scene's files, or the numbers in the names of images that are
 // frames of videos.
 enum class Times { files, order };
@@ -40,6 +47,8 @@ struct SceneOptions {
   std::string time_offsets;
   std::string images;
   Masks masks = Masks::automatic;
+  DepthFiles depth = DepthFiles::metric;
+  float depth_unit = 0.001f;
   std::string cameras;
   std::string camera;
   float fps = 0;
@@ -78,6 +87,12 @@ struct SceneOptions {
           "mask images (mask_path of nerfstudio, masks/ of COLMAP, seg/ of Panoptic): black pixels "
           "are left out of losses and metrics (ignore) or transparent (alpha); none: no masks; "
           "auto: ignore. seg/ of Panoptic, which labels what moves, is used with alpha only");
+    field("depth", self.depth,
+          "what depth files hold (depth/, see loss.depth): depth in scene units (metric), depth up "
+          "to scale and shift (scaled), or inverse depth up to scale and shift (disparity)");
+    field("depth_unit", self.depth_unit,
+          advanced("scene units per grey level of a metric depth PNG (0.001: millimetres)"),
+          above(0));
     field("cameras", self.cameras,
           "file with the camera, or with one camera per image: cameras.json or transforms.json; "
           "empty: a static camera by scene.elevation, radius and fovy (Consistent4D, video)");
@@ -97,10 +112,11 @@ struct SceneOptions {
           "also train on the first image of each test view (Consistent4D)");
     field("test_every", self.test_every,
           "every n-th image is a test image; 0: none (COLMAP, nerfstudio)", at_least(0));
-    field("val_every", self.val_every,
-          "hold back every n-th training camera, or of a single camera every n-th image, to measure "
-          "during training how well it predicts views that it does not see; 0: none",
-          zero_or_between(2, 1000000));
+    field(
+        "val_every", self.val_every,
+        "hold back every n-th training camera, or of a single camera every n-th image, to measure "
+        "during training how well it predicts views that it does not see; 0: none",
+        zero_or_between(2, 1000000));
     field("first_step", self.first_step, "first time step to use, from 0", at_least(0));
     field("stride", self.stride, "use every n-th time step from first_step", at_least(1));
     field("max_steps", self.max_steps, "maximum number of time steps; 0: all", at_least(0));

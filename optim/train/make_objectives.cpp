@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/make_objectives.hpp"
 
+#include "optim/objectives/depth_objective.hpp"
 #include "optim/objectives/flow_objective.hpp"
 #include "optim/objectives/guidance_objective.hpp"
 #include "optim/objectives/image_objective.hpp"
@@ -22,6 +23,11 @@ std::unique_ptr<Objective> flow(const TrainInputs& in) {
                                          in.flows, in.model.shape.motion);
 }
 
+std::unique_ptr<Objective> depth(const TrainInputs& in) {
+  if (!(in.options.loss.depth > 0)) return nullptr;
+  return std::make_unique<DepthObjective>(in.queue, in.options, in.scene, in.frames);
+}
+
 std::unique_ptr<Objective> motion(const TrainInputs& in) {
   return MotionObjective::make(in.queue, in.options.loss, in.scene.steps, float(in.scene.extent),
                                in.model);
@@ -35,8 +41,8 @@ std::unique_ptr<Objective> guidance(const TrainInputs& in) {
 
 // Order of their terms in log and CSV. The image objective is first, because it sets what others
 // add to. A new objective is one more function above and one more name here.
-constexpr std::unique_ptr<Objective> (*kObjectives[])(const TrainInputs&) = {image, flow, motion,
-                                                                             guidance};
+constexpr std::unique_ptr<Objective> (*kObjectives[])(const TrainInputs&) = {image, flow, depth,
+                                                                             motion, guidance};
 
 }  // namespace
 

@@ -9,6 +9,7 @@
 #include "optim/flow/chained_flow.hpp"
 #include "optim/flow/estimated_flow.hpp"
 #include "optim/flow/point_tracks.hpp"
+#include "optim/init/depth_points.hpp"
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
 #include "optim/options/scene_defaults.hpp"
@@ -175,7 +176,11 @@ HostModel Preparation::first_model(Queue& queue) {
   const InitFrom from = config_.init.from;
   const bool has_none =
       scene().points.size() == 0 && !scene().has_alpha && config_.init.file.empty();
-  if (from == InitFrom::stereo || (from == InitFrom::automatic && has_none))
+  const bool free = from == InitFrom::automatic && has_none;
+  const bool has_depth = config_.loss.depth > 0 && has_metric_depth(scene(), config_.scene);
+  if (from == InitFrom::depth || (free && has_depth))
+    loaded_.scene.points = points_from_depth();
+  else if (from == InitFrom::stereo || free)
     loaded_.scene.points = points_from_stereo();
   const Model none(queue, model_shape(scene(), config_), 0);
   const size_t holds = most_gaussians(queue.info, none.parameters, size_t(config_.density.memory),
@@ -192,13 +197,27 @@ HostModel Preparation::first_model(Queue& queue) {
   return initial_model(scene(), frames(), parts_, static_cameras_, neighbours_, *flows_, config);
 }
 
+PointCloud Preparation::points_from_depth() {
+  PointCloud points = depth_points(scene(), frames(), config_.scene, size_t(config_.init.count),
+                                   uint32_t(config_.train.seed));
+  if (points.size() == 0)
+    throw Error(
+        fmt::format("the first Gaussians are to lie at the depths of images, but no training image "
+                    "of scene '{}' has a metric depth file with depths: choose another init.from",
+                    scene().name));
+  place_of_points_ = "at the depths of images";
+  return points;
+}
+
 PointCloud Preparation::points_from_stereo() {
   if (static_cameras_.empty()) static_cameras_ = static_cameras_of(scene(), frames());
   PointCloud points = stereo_points(scene(), frames(), static_cameras_, size_t(config_.init.count),
                                     uint32_t(config_.train.seed));
   constexpr size_t few = 100;
-  began_with_stereo_ = points.size() >= few;
-  if (began_with_stereo_) return points;
+  if (points.size() >= few) {
+    place_of_points_ = "at points matched between cameras";
+    return points;
+  }
   if (config_.init.from == InitFrom::stereo)
     throw Error(
         fmt::format("init.from is \"stereo\", but scene '{}' has only {} points that look alike in "

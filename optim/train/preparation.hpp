@@ -37,10 +37,10 @@ class Preparation {
   void find_motion_masks();
 
   // The initial model, with at most as many Gaussians as density.cap and memory allow. A scene
-  // without points gets stereo points (stereo_points.hpp).
+  // without points gets those of its depth files or stereo points.
   HostModel first_model(Queue& queue);
-  // Whether the initial model uses stereo points.
-  bool began_with_stereo() const { return began_with_stereo_; }
+  // Where the points of first_model's scene come from, in words.
+  const char* place_of_points() const { return place_of_points_; }
   // guidance: provider of the settings, or nullptr; it must outlive the trainer. more: further
   // objectives.
   Trainer trainer(Queue& queue, Model& model, Guidance* guidance = nullptr,
@@ -54,6 +54,7 @@ class Preparation {
   FlowStore& flows() { return *flows_; }
 
  private:
+  PointCloud points_from_depth();
   PointCloud points_from_stereo();
 
   LoadedScene loaded_;
@@ -63,7 +64,7 @@ class Preparation {
   std::optional<FlowStore> flows_;
   std::vector<StaticCamera> static_cameras_;
   std::vector<Rect> parts_;
-  bool began_with_stereo_ = false;
+  const char* place_of_points_ = "at the scene's points";
 };
 
 }  // namespace gflow

@@ -34,10 +34,9 @@ size_t count_short_lived(const HostModel& model) {
 }
 
 std::string place_of(const HostModel& model, const Scene& scene, const InitOptions& init,
-                     bool stereo) {
+                     const char* place_of_points) {
   if (init.begins_from_file()) return "from " + init.file;
-  if (lies_on_points(model, scene))
-    return stereo ? "at points matched between cameras" : "at the scene's points";
+  if (lies_on_points(model, scene)) return place_of_points;
   const bool hull = scene.has_alpha && init.from != InitFrom::random;
   return hull ? "in the visual hull" : "at random positions";
 }
@@ -66,13 +65,13 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
 }
 
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
-                                     const InitOptions& init, bool stereo) {
+                                     const InitOptions& init, const char* place_of_points) {
   const size_t short_lived = count_short_lived(model);
   const std::string more =
       short_lived ? fmt::format(", and {} short-lived ones where there is motion", short_lived)
                   : "";
   return fmt::format("initial Gaussians: {} {}{}\n", model.count - short_lived,
-                     place_of(model, scene, init, stereo), more);
+                     place_of(model, scene, init, place_of_points), more);
 }
 
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {

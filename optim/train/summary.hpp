@@ -16,9 +16,10 @@ namespace gflow {
 std::string in_words(const Scene& scene, const std::vector<Camera>& cameras);
 
 // One line: number and origin of the initial Gaussians, and how many are short-lived. model: from
-// initial_model with these settings. stereo: the scene's points are stereo points.
+// initial_model with these settings. place_of_points:
+// Preparation::place_of_points.
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
-                                     const InitOptions& init, bool stereo);
+                                     const InitOptions& init, const char* place_of_points);
 
 // Warns of settings that the scene or another setting makes ineffective.
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config);

@@ -5,6 +5,7 @@
 #include "optim/init/init.hpp"
 #include "optim/loss/flow_loss.hpp"
 #include "optim/loss/image_loss.hpp"
+#include "optim/objectives/depth_objective.hpp"
 #include "optim/objectives/image_objective.hpp"
 #include "optim/scene/loaded_scene.hpp"
 
@@ -36,7 +37,7 @@ struct WarmUpImage {
     tiles.masks.ensure(queue, 0);
     v.v_rgb = zeros<float>(queue, 3 * pixels);
     v.v_alpha = zeros<float>(queue, pixels);
-    v.v_depth.ensure(queue, 0);
+    v.v_depth = zeros<float>(queue, pixels);
     v.v_flow = zeros<float>(queue, 2 * pixels);
     gradients.zero(queue, 1);
   }
@@ -74,6 +75,14 @@ void compare(Queue& queue, const TrainOptions& config, const Scene& scene, WarmU
   ImageLoss image(queue, config.loss.ssim);
   image.run(queue, TILE, TILE, p.images.rgb, zeros<cl_uchar>(queue, 3 * pixels), p.v.v_rgb);
   image.value(queue);
+  if (config.loss.depth > 0) {
+    DepthLoss depth(queue, DepthObjective::fit_of(config.scene.depth), config.loss.depth_knee, 1);
+    const Buffer<float> file = zeros<float>(queue, pixels);
+    Buffer<float> v_depth = zeros<float>(queue, pixels);
+    depth.fit(queue, 0, pixels, p.images.alpha, p.images.alpha, file);
+    depth.run(queue, 1, 0, pixels, p.images.alpha, p.images.alpha, file, v_depth, p.v.v_alpha);
+    depth.value(queue);
+  }
   if (!config.flow.enabled) return;
   FlowLoss flow(queue, config.flow.robust_px);
   flow.run(queue, 1, TILE, TILE, p.images.flow, p.images.alpha, zeros<float>(queue, 2 * pixels),
@@ -129,8 +138,9 @@ void warm_up_kernels(Queue& queue, const TrainOptions& config) {
   WarmUpImage image(queue);
   // Permanent models have no static Gaussians and evaluate flow in all tiles, so with flow they
   // never render without it.
-  if (!flow || !is_permanent(shape.motion)) draw_and_return(queue, settings, {false, false}, image);
-  if (flow) draw_and_return(queue, settings, {true, false}, image);
+  const bool depth = config.loss.depth > 0;
+  if (!flow || !is_permanent(shape.motion)) draw_and_return(queue, settings, {false, depth}, image);
+  if (flow) draw_and_return(queue, settings, {true, depth}, image);
   Model model(queue, shape, 1);
   for (Table* table : model.parameters.tables())
     for (ParameterGroup& group : table->groups) group.values.fill(queue, 0.f);

@@ -4,9 +4,9 @@
 #include "optim/flow/flow_store.hpp"
 #include "optim/formats/flo.hpp"
 #include "optim/formats/npz.hpp"
+#include "optim/scene/depth_map.hpp"
 #include "optim/scene/readers/colmap_model.hpp"
 #include "optim/scene/readers/readers.hpp"
-#include "optim/scene/true_depth.hpp"
 #include "tests/fuzz/inputs.hpp"
 
 namespace gflow::fuzz {
@@ -190,7 +190,7 @@ void consistent4d(const uint8_t* bytes, size_t size) {
     const Frame& frame = scene.train.at(0);
     read_image(frame.path);
     may_refuse([&] { read_true_flow(frame, 8, 6); });
-    may_refuse([&] { read_true_depth(frame, 8, 6); });
+    may_refuse([&] { read_depth_map(frame, scene.cameras.at(size_t(frame.camera)), 8, 6, {}); });
     read_tracks(path + "/tracks3d.npy");
   });
 }

@@ -305,7 +305,8 @@ TEST(Nerfstudio, FilesThatContradictThemselvesAreRefused) {
   expect_error([&] { with(frame(1), and_more + "\"" + text); }, {"transforms.json", "a string of"});
   expect_error([&] { with(frame(1) + ", " + frame(2) + ", " + frame(1)); },
                {"frame 2 of", "frame_1.png, which is already that of frame 0"});
-  expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); }, {"mask 'm.png'", "no file"});
+  expect_error([&] { with(frame(1, R"(, "mask_path": "m.png")")); },
+               {"mask_path 'm.png'", "no file"});
   expect_error([&] { with(frame(1, R"(, "mask_path": 3)")); }, {"'mask_path'", "not a string"});
   expect_error([&] { with(frame(1), and_more + R"("camera_model": "EQUIRECTANGULAR")"); },
                {"'EQUIRECTANGULAR'", "OPENCV_FISHEYE"});

@@ -10,17 +10,14 @@
 #include "apps/stress/stress.hpp"
 #include "optim/density/mcmc.hpp"
 #include "optim/density/static_detection.hpp"
-#include "optim/loss/camera_colors.hpp"
-#include "optim/loss/flow_loss.hpp"
-#include "optim/loss/image_loss.hpp"
 #include "optim/motion/color.hpp"
 #include "optim/reference/device_scene.hpp"
-#include "optim/reference/loss.hpp"
 
 namespace gflow::stress {
 
-// Defined in derivatives_of_motion.cpp.
+// Defined in derivatives_of_motion.cpp and derivatives_of_losses.cpp.
 std::vector<Derivative> motion_derivatives(Queue& queue);
+std::vector<Derivative> loss_derivatives(Queue& queue);
 #ifdef GFLOW_WITH_OPENCV
 // Defined in training/derivatives_of_host.cpp.
 std::vector<Derivative> host_derivatives();
@@ -263,131 +260,6 @@ Derivative sh_row(Queue& queue) {
   return {"sh_bwd", "means sh0 sh_rest", to_double, differences, 1e-4, 1e-6};
 }
 
-Derivative image_loss_row(Queue& queue, float ssim_weight) {
-  constexpr int width = 23, height = 17;
-  Random random(47);
-  Floats rgb;
-  std::vector<cl_uchar> truth;
-  for (int i = 0; i < 3 * width * height; ++i) {
-    rgb.push_back(float(random.uniform(.05, .95)));
-    truth.push_back(cl_uchar(random.uniform(0, 255)));
-  }
-  const std::vector<double> x(rgb.begin(), rgb.end());
-  const auto value = [&](const std::vector<double>& y) {
-    return reference::image_loss(width, height, y, truth, double(ssim_weight));
-  };
-  const std::vector<double> expected = value(x).v_rgb;
-  const std::vector<size_t> some = spread_indices(x.size(), 30);  // each costs four whole losses
-  const std::vector<double> differences =
-      slopes([&](const std::vector<double>& y) { return value(y).total; }, x, 1e-4, some);
-  ImageLoss loss(queue, ssim_weight);
-  Buffer<float> v(queue, rgb.size(), "v_rgb");
-  loss.run(queue, width, height, Buffer<float>(queue, rgb, "rgb"),
-           Buffer<cl_uchar>(queue, truth, "truth"), v);
-  return {ssim_weight > 0 ? "image_loss_bwd" : "l1_bwd",
-          fmt::format("rgb, SSIM weight {}", ssim_weight),
-          relative_error(v.read(queue), expected),
-          relative_error(picked(expected, some), differences),
-          1e-4,
-          1e-6};
-}
-
-Derivative flow_loss_row(Queue& queue) {
-  constexpr int width = 19, height = 11;
-  constexpr size_t pixels = size_t(width) * height;
-  Random random(48);
-  Floats flow, target_flow, alpha;
-  std::vector<cl_uchar> confidence;
-  for (size_t i = 0; i < 2 * pixels; ++i) {
-    flow.push_back(float(3 * random.normal()));
-    target_flow.push_back(float(3 * random.normal()));
-  }
-  std::vector<double> trust;
-  for (size_t i = 0; i < pixels; ++i) {
-    alpha.push_back(float(random.uniform(0, 1)));
-    confidence.push_back(cl_uchar(random.uniform(0, 255)));
-    trust.push_back(confidence.back() / 255.);
-  }
-  const std::vector<double> x(flow.begin(), flow.end());
-  const auto value = [&](const std::vector<double>& y) {
-    return reference::flow_loss(y, {alpha.begin(), alpha.end()},
-                                {target_flow.begin(), target_flow.end()}, trust, double(.3f),
-                                double(.5f));
-  };
-  const std::vector<double> expected = value(x).v_flow;
-  FlowLoss loss(queue, .5f);
-  Buffer<float> v(queue, 2 * pixels, "v_flow");
-  loss.run(queue, .3f, width, height, Buffer<float>(queue, flow, "flow"),
-           Buffer<float>(queue, alpha, "alpha"), Buffer<float>(queue, target_flow, "teacher"),
-           Buffer<cl_uchar>(queue, confidence, "confidence"), v);
-  return {
-      "flow_loss",
-      "flow",
-      relative_error(v.read(queue), expected),
-      relative_error(expected,
-                     slopes([&](const std::vector<double>& y) { return value(y).loss; }, x, 1e-3)),
-      1e-4,
-      1e-6};
-}
-
-// Colours of a camera: by the rendered colours and by the camera's numbers, with shrinkage.
-Derivative camera_color_row(Queue& queue) {
-  constexpr size_t pixels = 1000, camera = 1, cameras = 3;
-  constexpr float shrink = .3f;
-  Random random(52);
-  Floats x, v;
-  for (size_t i = 0; i < 3 * pixels; ++i) x.push_back(float(random.uniform(0, 1)));
-  for (size_t k = 0; k < CAMERA_COLOR_SIZE; ++k) x.push_back(float(random.uniform(-.2, .2)));
-  for (size_t i = 0; i < 3 * pixels; ++i) v.push_back(float(random.normal()));
-  const auto color_of = [](const std::vector<double>& y) {
-    CameraColor color;
-    std::copy_n(y.end() - CAMERA_COLOR_SIZE, CAMERA_COLOR_SIZE, color.v);
-    return color;
-  };
-  const auto cost = [&](const std::vector<double>& y) {
-    const CameraColor color = color_of(y);
-    double sum = 0;
-    for (const double number : color.v) sum += double(shrink) / 2 * number * number;
-    for (size_t i = 0; i < pixels; ++i) {
-      const LaneColor shown = camera_color(color, {{y[i], y[pixels + i], y[2 * pixels + i]}});
-      for (size_t c = 0; c < 3; ++c) sum += double(v[c * pixels + i]) * shown.c[c];
-    }
-    return sum;
-  };
-  const std::vector<double> at(x.begin(), x.end());
-  const CameraColor color = color_of(at);
-  std::vector<double> expected(x.size());
-  for (size_t k = 0; k < CAMERA_COLOR_SIZE; ++k)
-    expected[3 * pixels + k] = double(shrink) * color.v[k];
-  for (size_t i = 0; i < pixels; ++i) {
-    const LaneColor v_x =
-        camera_color_vjp(color, {{double(v[i]), double(v[pixels + i]), double(v[2 * pixels + i])}});
-    for (size_t c = 0; c < 3; ++c) {
-      const double v_c = double(v[c * pixels + i]);
-      expected[c * pixels + i] = v_x.c[c];
-      for (size_t k = 0; k < 3; ++k) expected[3 * pixels + 4 * c + k] += v_c * at[k * pixels + i];
-      expected[3 * pixels + 4 * c + 3] += v_c;
-    }
-  }
-  CameraColors colors(queue, cameras, {0, shrink});
-  colors.colors().values.write_range(queue, CAMERA_COLOR_SIZE * camera,
-                                     Floats(x.end() - CAMERA_COLOR_SIZE, x.end()));
-  const Buffer<float> rgb(queue, Floats(x.begin(), x.begin() + 3 * pixels), "rgb");
-  Buffer<float> v_rgb(queue, v, "v_rgb");
-  colors.backward(queue, camera, pixels, rgb, v_rgb);
-  Floats found = v_rgb.read(queue);
-  const Floats of_camera =
-      colors.colors().grads.read_range(queue, CAMERA_COLOR_SIZE * camera, CAMERA_COLOR_SIZE);
-  found.insert(found.end(), of_camera.begin(), of_camera.end());
-  const std::vector<size_t> some = spread_indices(x.size(), 200);
-  return {"camera_color_bwd",
-          "rgb camera_color",
-          relative_error(found, expected),
-          relative_error(picked(expected, some), slopes(cost, at, 1e-3, some)),
-          1e-4,
-          1e-6};
-}
-
 // Regularisation of opacity and scales (mcmc).
 Derivative price_row(Queue& queue) {
   constexpr size_t n = 60;
@@ -511,9 +383,7 @@ std::vector<Derivative> derivatives(Queue& queue) {
   rows.push_back(posed_row(queue));
   rows.push_back(sh_row(queue));
   for (Derivative& row : motion_derivatives(queue)) rows.push_back(std::move(row));
-  for (const float ssim : {0.f, .2f}) rows.push_back(image_loss_row(queue, ssim));
-  rows.push_back(flow_loss_row(queue));
-  rows.push_back(camera_color_row(queue));
+  for (Derivative& row : loss_derivatives(queue)) rows.push_back(std::move(row));
   rows.push_back(price_row(queue));
   rows.push_back(static_gradient_row(queue));
 #ifdef GFLOW_WITH_OPENCV

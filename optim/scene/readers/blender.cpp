@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "optim/scene/depth_map.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
 #include "optim/scene/readers/transforms_file.hpp"
@@ -43,7 +44,7 @@ void add_truth(const std::string& folder, const std::string& split, double inter
   for (Frame& frame : frames) {
     const std::string base = (fs::path(folder) / ("flow_" + split) / stem(frame.path)).string();
     find_true_flow(frame, base, std::min(1., frame.time + interval));
-    frame.depth_path = first_existing(folder, {"depth_" + split + "/" + stem(frame.path) + ".npy"});
+    frame.depth_path = find_depth(join(folder, "depth_" + split + "/" + stem(frame.path)));
   }
 }
 

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "optim/images/image_header.hpp"
+#include "optim/scene/depth_map.hpp"
 #include "optim/scene/readers/given_cameras.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "optim/scene/readers/readers.hpp"
@@ -79,7 +80,7 @@ std::vector<Frame> read_view(const std::string& folder, const std::string& image
     const double next_time =
         k + 1 < names.size() ? times[k + 1] : 1 + 1 / double(std::max<size_t>(k, 1));
     find_true_flow(frame, (fs::path(folder) / "flow" / view / number).string(), next_time);
-    frame.depth_path = first_existing(folder, {"depth/" + view + "/" + number + ".npy"});
+    frame.depth_path = find_depth(join(folder, "depth/" + view + "/" + number));
     frames.push_back(frame);
   }
   scene.cameras.insert(scene.cameras.end(), given.cameras.begin(), given.cameras.end());

@@ -13,6 +13,7 @@
 #include "optim/images/video.hpp"
 #include "optim/scene/align_points.hpp"
 #include "optim/scene/camera_settings.hpp"
+#include "optim/scene/depth_map.hpp"
 #include "optim/scene/readers/colmap_points.hpp"
 #include "optim/scene/readers/llff_poses.hpp"
 #include "optim/scene/readers/reader_util.hpp"
@@ -258,7 +259,7 @@ std::vector<Frame> frames_of(const std::string& folder, int camera, const Footag
       frame.path = footage.video, frame.video_frame = int(k);
     find_true_flow(frame, join(folder, "flow/" + footage.name + "/" + steps[k]),
                    k + 1 < times.size() ? times[k + 1] : 1 + interval);
-    frame.depth_path = first_existing(folder, {"depth/" + footage.name + "/" + steps[k] + ".npy"});
+    frame.depth_path = find_depth(join(folder, "depth/" + footage.name + "/" + steps[k]));
     frames.push_back(frame);
   }
   return frames;

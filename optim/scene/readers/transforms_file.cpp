@@ -57,15 +57,15 @@ bool is_placed(const Json& frame) {
   return true;
 }
 
-// The file of 'mask_path', or empty.
-std::string mask_of(const std::string& folder, const Transforms& file, const Json& frame,
-                    const std::string& where) {
-  if (!frame.contains("mask_path")) return "";
-  const std::string relative = text(frame["mask_path"], "'mask_path' of " + where);
+// The file that a frame names beside its image, such as its 'mask_path', or empty.
+std::string file_of(const std::string& folder, const Transforms& file, const Json& frame,
+                    const char* key, const std::string& where) {
+  if (!frame.contains(key)) return "";
+  const std::string relative = text(frame[key], fmt::format("'{}' of {}", key, where));
   const std::string path = path_inside(folder, relative, file.path);
   if (!fs::is_regular_file(path))
     throw Error(
-        fmt::format("{} lists mask '{}', but there is no file {}", file.path, relative, path));
+        fmt::format("{} lists {} '{}', but there is no file {}", file.path, key, relative, path));
   return path;
 }
 
@@ -229,7 +229,9 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     if (!is_new)
       throw Error(fmt::format("{} has image {}, which is already that of frame {}", where,
                               frame.path, before->second));
-    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
+    if (options.masks != Masks::none)
+      frame.mask_path = file_of(folder, file, entry, "mask_path", where);
+    frame.depth_path = file_of(folder, file, entry, "depth_file_path", where);
     const auto time = number(entry, "time", where);
     if (time.has_value() != file.json["frames"][0].contains("time"))
       throw Error(fmt::format(

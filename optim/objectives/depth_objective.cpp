@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/objectives/depth_objective.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "optim/objectives/crop.hpp"
+#include "optim/scene/depth_map.hpp"
+#include "runtime/base/error.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr size_t kCacheBytes = size_t{256} << 20;
+
+// Zero is no surface in a depth map, and infinitely far in a map of disparity.
+void remove_unknown(std::vector<float>& depth, DepthFiles files) {
+  for (float& value : depth)
+    if (!std::isfinite(value) || (files != DepthFiles::disparity && !(value > 0)))
+      value = std::nanf("");
+}
+
+float median(std::vector<float> values) {
+  const auto middle = values.begin() + long(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// To median 0 and median deviation 1, whatever outliers there are.
+void standardise(std::vector<float>& values) {
+  std::vector<float> known;
+  for (const float x : values)
+    if (!std::isnan(x)) known.push_back(x);
+  if (known.empty()) return;
+  const float middle = median(known);
+  for (float& x : known) x = std::fabs(x - middle);
+  const float deviation = median(known);
+  for (float& x : values) x = (x - middle) / (deviation > 0 ? deviation : 1);
+}
+
+std::map<std::string, size_t> images_with_depth(const Scene& scene) {
+  std::map<std::string, size_t> images;
+  for (const Frame& frame : scene.train)
+    if (!frame.depth_path.empty()) images.emplace(frame.depth_path, images.size());
+  return images;
+}
+
+}  // namespace
+
+DepthObjective::DepthObjective(Queue& queue, const TrainOptions& options, const Scene& scene,
+                               FrameStore& frames)
+    : options_(options),
+      scene_(scene),
+      frames_(frames),
+      cache_(kCacheBytes),
+      images_(images_with_depth(scene)),
+      loss_(queue, fit_of(options.scene.depth), options.loss.depth_knee, images_.size()) {
+  if (images_.empty())
+    throw Error(
+        fmt::format("loss.depth is {:g}, but no training image of scene '{}' has a depth file: put "
+                    "them into depth/, named like the images (.npy or .png)",
+                    options.loss.depth, scene.name));
+}
+
+DepthFit DepthObjective::fit_of(DepthFiles files) {
+  if (files == DepthFiles::metric) return DepthFit::none;
+  return files == DepthFiles::scaled ? DepthFit::depth : DepthFit::disparity;
+}
+
+DepthObjective::DepthMap DepthObjective::load(const Frame& frame) const {
+  const Camera& camera = frames_.camera(frame);
+  DepthMap depth = read_depth_map(frame, scene_.cameras[size_t(frame.camera)], camera.width,
+                                  camera.height, options_.scene);
+  if (const auto counted = frames_.counted(frame))
+    for (size_t i = 0; i < depth.size(); ++i)
+      if (!counted->pixels[i]) depth[i] = std::nanf("");
+  remove_unknown(depth, options_.scene.depth);
+  if (options_.scene.depth != DepthFiles::metric) standardise(depth);
+  return depth;
+}
+
+void DepthObjective::request(Queue& queue, const ViewContext& view, Shot& shot) {
+  const Frame& frame = *view.sample.frame;
+  has_depth_ = !frame.depth_path.empty();
+  if (!has_depth_) return;
+  shot.depth = true;
+  const auto depth = cache_.get(
+      frame.depth_path, [&] { return load(frame); },
+      [](const DepthMap& map) { return map.size() * sizeof(float); });
+  crop(*depth, view.width, 1, view.sample.part, part_);
+  file_.ensure(queue, part_.size());
+  file_.write_async(queue, part_);
+}
+
+void DepthObjective::add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
+                                   ImageGradients& v) {
+  if (!has_depth_) return;
+  const Images& images = renderer.images();
+  const size_t image = images_.at(view.sample.frame->depth_path), pixels = part_.size();
+  if (view.share == 1) loss_.fit(queue, image, pixels, images.depth, images.alpha, file_);
+  loss_.run(queue, options_.loss.depth * view.share, image, pixels, images.depth, images.alpha,
+            file_, v.v_depth, v.v_alpha);
+  is_new_ = true;
+}
+
+DepthLossValue DepthObjective::value(Queue& queue) {
+  if (is_new_) value_ = loss_.value(queue);
+  is_new_ = false;
+  return value_;
+}
+
+void DepthObjective::report(Queue& queue, const Renderer&, LossReport& report) {
+  const DepthLossValue last = value(queue);
+  if (has_depth_) report.loss += last.loss;
+  report.terms.push_back({"depth_loss", last.loss, ""});
+  report.terms.push_back(
+      {"depth_error", last.error, fmt::format("depth {:.1f} %", 100 * last.error)});
+}
+
+// The values are needed for the log of a step without depth.
+void DepthObjective::save_state(Queue& queue, Arrays& arrays) {
+  const DepthLossValue last = value(queue);
+  arrays["depth_loss/last"] = {{2}, std::vector<float>{float(last.loss), float(last.error)}};
+  arrays["depth_loss/fits"] = {{images_.size(), 4}, loss_.fits().read(queue)};
+}
+
+void DepthObjective::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  is_new_ = false;
+  value_ = {};
+  if (!arrays.count("depth_loss/last")) return;
+  const std::vector<float>& last = exact_values<float>(arrays, "depth_loss/last", {2}, path);
+  value_ = {double(last[0]), double(last[1]), 0};
+  loss_.fits().write(queue,
+                     exact_values<float>(arrays, "depth_loss/fits", {images_.size(), 4}, path));
+}
+
+}  // namespace gflow

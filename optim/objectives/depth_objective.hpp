@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Compares the rendered depth of a view with its depth file (loss.depth).
+#pragma once
+#include <map>
+
+#include "optim/images/lru_cache.hpp"
+#include "optim/loss/depth_loss.hpp"
+#include "optim/objectives/objective.hpp"
+#include "optim/options/train_options.hpp"
+#include "optim/scene/frame_store.hpp"
+
+namespace gflow {
+
+class DepthObjective : public Objective {
+ public:
+  // All references must outlive it. Error if no training image has a depth file.
+  DepthObjective(Queue& queue, const TrainOptions& options, const Scene& scene, FrameStore& frames);
+
+  static DepthFit fit_of(DepthFiles files);
+
+  void request(Queue& queue, const ViewContext& view, Shot& shot) override;
+  void add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
+                     ImageGradients& v) override;
+  // depth_loss and depth_error (DepthLossValue::error) of the last view that has depth; 0 before.
+  void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
+  void save_state(Queue& queue, Arrays& arrays) override;
+  void load_state(Queue& queue, const Arrays& arrays, const std::string& path) override;
+
+ private:
+  using DepthMap = std::vector<float>;
+  // The file of a frame as DepthLoss needs it: NaN where it has no depth, and for a fit with
+  // median 0 and median deviation 1.
+  DepthMap load(const Frame& frame) const;
+  DepthLossValue value(Queue& queue);
+
+  const TrainOptions& options_;
+  const Scene& scene_;
+  FrameStore& frames_;
+  LruCache<std::string, DepthMap> cache_;       // by Frame::depth_path
+  const std::map<std::string, size_t> images_;  // their numbers in the fits, likewise
+  DepthLoss loss_;
+  DepthMap part_;  // source of asynchronous writes
+  Buffer<float> file_{"depth file"};
+  bool has_depth_ = false;  // whether the view has depth
+  bool is_new_ = false;     // value_ must be read again
+  DepthLossValue value_;
+};
+
+}  // namespace gflow

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Training with depth files: from two cameras that cannot tell depth by themselves, and that a
+// checkpoint continues with the same bits.
+#include <filesystem>
+#include <random>
+
+#include "optim/eval/evaluation.hpp"
+#include "optim/train/preparation.hpp"
+#include "tests/support/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+class DepthTraining : public testing::Test {
+ protected:
+  // Writes the depth of the true model, changed by f, for camera c.
+  template <class F>
+  void write_depth(int c, F&& f) {
+    Model model(queue_, scene_.truth);
+    Renderer renderer(queue_, {});
+    for (int k = 0; k < SmallScene::steps; ++k) {
+      Shot shot;
+      const Camera camera = small_camera(c, 48, 40);
+      shot.view.camera = shot.view.camera_t2 = pinhole(camera, 0.05f);
+      shot.time = double(k) / (SmallScene::steps - 1);
+      shot.depth = true;
+      renderer.forward(queue_, model, shot);
+      std::vector<float> depth = renderer.images().depth.read(queue_);
+      const std::vector<float> alpha = renderer.images().alpha.read(queue_);
+      for (size_t i = 0; i < depth.size(); ++i)
+        depth[i] = alpha[i] > 0.5f ? f(depth[i] / alpha[i]) : 0;
+      const std::string name = fmt::format("depth/cam{:02}/{:04}.npy", c, k);
+      std::filesystem::create_directories(
+          std::filesystem::path(scene_.folder().file(name)).parent_path());
+      write_npy(scene_.folder().file(name), {{40, 48}, depth});
+    }
+  }
+
+  // Two training cameras and points at wrong depths.
+  TrainOptions two_cameras(int iterations) {
+    TrainOptions config = small_config(scene_, iterations);
+    config.scene.skip_cameras = "cam03";
+    config.flow.enabled = false;
+    config.init.from = InitFrom::random;
+    config.init.count = 600;
+    config.density.cap = 600;
+    return config;
+  }
+
+  // Mean relative error of the depth that the test camera sees.
+  double depth_error(const TrainOptions& config) {
+    SmallTraining training(queue_, config);
+    training.steps(queue_, config.train.iterations);
+    TrainOptions evaluated = config;
+    evaluated.scene.depth = DepthFiles::metric;
+    const LoadedScene loaded = load_scene(evaluated.scene, "");
+    return evaluate(queue_, training.model, evaluated, loaded, loaded.scene.test, {})
+        .mean.depth_error;
+  }
+
+  Queue queue_ = test_queue();
+  SmallScene scene_{queue_};
+};
+
+TEST_F(DepthTraining, FindsTheDepthThatTwoCamerasLeaveOpen) {
+  write_depth(0, [](float z) { return z; });  // of the test camera, for evaluation
+  TrainOptions config = two_cameras(600);
+  const double without = depth_error(config);
+  for (const int c : {1, 2}) write_depth(c, [](float z) { return z; });
+  config.loss.depth = 1;
+  EXPECT_LT(depth_error(config), 0.6 * without);
+}
+
+// As networks for single images estimate it, with some outliers. A fit needs a scene that is
+// roughly right.
+TEST_F(DepthTraining, LearnsFromDisparityUpToScaleAndShift) {
+  write_depth(0, [](float z) { return z; });
+  TrainOptions config = two_cameras(600);
+  config.init.from = InitFrom::points;
+  config.density.enabled = false;
+  const double without = depth_error(config);
+  std::mt19937 rng(1);
+  for (const int c : {1, 2})
+    write_depth(c, [&](float z) { return rng() % 50 == 0 ? 3.f : 1.f + 0.7f / z; });
+  config.scene.depth = DepthFiles::disparity;
+  config.loss.depth = 1;
+  EXPECT_LT(depth_error(config), 0.8 * without);
+}
+
+TEST_F(DepthTraining, GoesOnWithTheSameBits) {
+  for (const int c : {1, 2}) write_depth(c, [](float z) { return z; });
+  TrainOptions config = two_cameras(40);
+  config.loss.depth = 0.3f;
+  SmallTraining whole(queue_, config), first(queue_, config), second(queue_, config);
+  whole.steps(queue_, 20);
+  first.steps(queue_, 9);
+  second.go_on(queue_, first.trainer.state(queue_), 9);
+  second.steps(queue_, 11);
+  EXPECT_TRUE(whole.bits(queue_) == second.bits(queue_));
+}
+
+TEST_F(DepthTraining, NeedsFiles) {
+  TrainOptions config = two_cameras(10);
+  config.loss.depth = 0.3f;
+  expect_error([&] { SmallTraining training(queue_, config); }, {"loss.depth", "depth/"});
+  config.init.from = InitFrom::depth;
+  Preparation prepared(config, "");
+  expect_error([&] { prepared.first_model(queue_); }, {"depth file", "init.from"});
+}
+
+// Every first Gaussian is at the depth of its pixel in one of the two cameras.
+TEST_F(DepthTraining, BeginsAtTheDepthsOfItsFiles) {
+  for (const int c : {1, 2}) write_depth(c, [](float) { return 2.5f; });
+  TrainOptions config = two_cameras(10);
+  config.loss.depth = 0.3f;
+  config.init.count = 150;
+  std::filesystem::remove(scene_.folder().file("points3D.ply"));
+  for (const InitFrom from : {InitFrom::depth, InitFrom::automatic}) {
+    config.init.from = from;
+    Preparation prepared(config, "");
+    prepared.find_motion_masks();
+    const HostModel model = prepared.first_model(queue_);
+    ASSERT_EQ(model.count, 150u);
+    const std::vector<float>& means = model.groups.at("means");
+    for (size_t i = 0; i < 150; ++i) {
+      const Eigen::Vector4d p(double(means[3 * i]), double(means[3 * i + 1]),
+                              double(means[3 * i + 2]), 1);
+      double nearest = 1;
+      for (const int c : {1, 2})
+        nearest = std::min(nearest, std::fabs((small_camera(c, 48, 40).viewmat * p).z() - 2.5));
+      EXPECT_LT(nearest, 1e-5);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace gflow
