@@ -202,7 +202,9 @@ std::string masks_of(const Scene& scene) {
     for (const Frame& frame : *split) masked += !frame.mask_path.empty(), ++all;
   if (masked == 0) return "none";
   return fmt::format("{} of {} images; black {}", masked, all,
-                     scene.masks_ignore ? "takes no part in the training" : "is transparent");
+                     scene.masks == Masks::ignore  ? "takes no part in the training"
+                     : scene.masks == Masks::alpha ? "is transparent"
+                                                   : "is background");
 }
 
 // Distortion that is removed from the images.

@@ -15,6 +15,7 @@ struct LossOptions {
   float ssim = 0.2f;
   CameraColor camera_color = CameraColor::automatic;
   float camera_color_shrink = 0.01f;
+  float foreground = 3;
   float depth = 0;
   float depth_knee = 0.05f;
   float rigidity = 0;
@@ -36,6 +37,10 @@ struct LossOptions {
           "rendered with the mean colours");
     field("camera_color_shrink", self.camera_color_shrink,
           advanced("weight of the squares of that map's deviations from identity"), at_least(0));
+    field("foreground", self.foreground,
+          "weight of the pixels of the foreground in the image loss, those of the background weigh "
+          "1 (scene.masks = foreground)",
+          above(0));
     field("depth", self.depth,
           "weight of the depth loss: rendered depth against the files in depth/ (scene.depth says "
           "what they hold); 0: off",

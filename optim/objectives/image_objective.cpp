@@ -21,8 +21,8 @@ bool have_own_colors(CameraColor choice, const Scene& scene) {
 }
 
 ImageObjective::ImageObjective(Queue& queue, const Scene& scene, FrameStore& frames, float ssim,
-                               const std::optional<CameraColorRule>& colors)
-    : frames_(frames), loss_(queue, ssim) {
+                               float foreground, const std::optional<CameraColorRule>& colors)
+    : frames_(frames), loss_(queue, ssim), foreground_weight_(foreground) {
   if (!colors) return;
   for (const Frame& frame : scene.train) color_rows_.emplace(frame.camera, color_rows_.size());
   colors_ = std::make_unique<CameraColors>(queue, color_rows_.size(), *colors);
@@ -61,16 +61,31 @@ void ImageObjective::add_gradients(Queue& queue, const ViewContext& view, const 
   shown_ = colors_ ? &colors_->show(queue, row, pixels, rgb) : &rgb;
   const bool some_ignored = !counted_bytes_.empty();
   if (some_ignored) {
-    if (!ignored_) ignored_ = std::make_unique<IgnoredPixels>(queue);
+    if (!weights_) weights_ = std::make_unique<PixelWeights>(queue);
     counted_.ensure(queue, pixels);
     counted_.write_async(queue, counted_bytes_);
-    ignored_->fill_truth(queue, pixels, counted_, *shown_, truth_);
+    weights_->fill_truth(queue, pixels, counted_, *shown_, truth_);
   }
   loss_.run(queue, part.width, part.height, *shown_, truth_, v.v_rgb, view.share);
-  if (some_ignored) ignored_->clear_gradient(queue, pixels, counted_, v.v_rgb);
+  if (some_ignored) weights_->scale_gradient(queue, pixels, counted_, 0, 1, v.v_rgb);
+  weigh_foreground(queue, view, v.v_rgb);
   if (!colors_) return;
   colors_->backward(queue, row, pixels, rgb, v.v_rgb);
   colors_->step(queue, row);
+}
+
+void ImageObjective::weigh_foreground(Queue& queue, const ViewContext& view, Buffer<float>& v_rgb) {
+  const auto mask = foreground_weight_ == 1 ? nullptr : frames_.foreground(*view.sample.frame);
+  if (!mask) return;
+  if (!weights_) weights_ = std::make_unique<PixelWeights>(queue);
+  const auto white = std::count(mask->pixels.begin(), mask->pixels.end(), 255);
+  const float share = float(white) / float(mask->pixels.size());
+  const float mean = 1 + (foreground_weight_ - 1) * share;
+  crop(mask->pixels, view.width, 1, view.sample.part, foreground_bytes_);
+  foreground_.ensure(queue, foreground_bytes_.size());
+  foreground_.write_async(queue, foreground_bytes_);
+  weights_->scale_gradient(queue, foreground_bytes_.size(), foreground_, 1 / mean,
+                           foreground_weight_ / mean, v_rgb);
 }
 
 void ImageObjective::report(Queue& queue, const Renderer&, LossReport& report) {

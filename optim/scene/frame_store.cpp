@@ -32,14 +32,14 @@ namespace {
 
 // A decoded frame: as stored, composited over the background, its alpha, and the pixels that count.
 struct Decoded {
-  std::shared_ptr<const Image> stored, rgb, alpha, counted;
+  std::shared_ptr<const Image> stored, rgb, alpha, mask;
 };
 
 size_t bytes_of(const Decoded& decoded) {
   size_t bytes = decoded.stored->pixels.size();
   if (decoded.rgb != decoded.stored) bytes += decoded.rgb->pixels.size();
   if (decoded.alpha) bytes += decoded.alpha->pixels.size();
-  if (decoded.counted) bytes += decoded.counted->pixels.size();
+  if (decoded.mask) bytes += decoded.mask->pixels.size();
   return bytes;
 }
 
@@ -56,7 +56,7 @@ Image binary(Image mask, uint8_t at_least) {
   for (uint8_t& value : mask.pixels) value = value >= at_least ? 255 : 0;
   return mask;
 }
-Image counted_of(Image mask) {
+Image two_levels(Image mask) {
   const uint8_t most = *std::max_element(mask.pixels.begin(), mask.pixels.end());
   return binary(std::move(mask), most == 1 ? 1 : 128);
 }
@@ -109,7 +109,7 @@ Image read_mask(const std::string& path, const Camera& camera) {
 
 struct FrameStore::State {
   FrameStoreOptions options;
-  bool masks_ignore = false;
+  Masks masks = Masks::alpha;
   std::vector<Camera> full, reduced_cameras;
   LruCache<std::string, Decoded> cache;
 
@@ -136,22 +136,24 @@ struct FrameStore::State {
 
   Image load_image(const Frame& frame) const {
     const Image image = frame.image ? *frame.image : read_image(frame.path);
-    if (frame.mask_path.empty() || masks_ignore) return prepared(image, frame);
+    if (frame.mask_path.empty() || masks != Masks::alpha) return prepared(image, frame);
     const Image mask = read_mask(frame.mask_path, full[size_t(frame.camera)]);
     check_size(image.width, image.height, full[size_t(frame.camera)], frame.path);
     return prepared(masked(image, mask), frame);
   }
 
-  std::shared_ptr<const Image> load_counted(const Frame& frame) const {
-    if (frame.mask_path.empty() || !masks_ignore) return nullptr;
+  // The mask of a frame if it means ignore or foreground, 0 and 255; null without, or if it is
+  // white everywhere.
+  std::shared_ptr<const Image> load_mask(const Frame& frame) const {
+    if (frame.mask_path.empty() || masks == Masks::alpha) return nullptr;
     Image mask = read_mask(frame.mask_path, full[size_t(frame.camera)]);
-    Image counted = binary(prepared(counted_of(std::move(mask)), frame), 255);
-    const bool all = std::all_of(counted.pixels.begin(), counted.pixels.end(),
+    Image levels = binary(prepared(two_levels(std::move(mask)), frame), 255);
+    const bool all = std::all_of(levels.pixels.begin(), levels.pixels.end(),
                                  [](uint8_t value) { return value == 255; });
-    if (std::count(counted.pixels.begin(), counted.pixels.end(), 255) == 0)
+    if (masks == Masks::ignore && std::count(levels.pixels.begin(), levels.pixels.end(), 255) == 0)
       warn_once(fmt::format("mask {} is black everywhere: no pixel of {} counts", frame.mask_path,
                             frame.path));
-    return all ? nullptr : std::make_shared<const Image>(std::move(counted));
+    return all ? nullptr : std::make_shared<const Image>(std::move(levels));
   }
 
   Unpacked& video_of(const std::string& path) {
@@ -208,7 +210,7 @@ struct FrameStore::State {
     decoded.stored = std::make_shared<const Image>(frame.video_frame >= 0 ? load_video_frame(frame)
                                                                           : load_image(frame));
     decoded.rgb = decoded.stored;
-    decoded.counted = load_counted(frame);
+    decoded.mask = load_mask(frame);
     if (decoded.stored->channels == 4) {
       decoded.rgb =
           std::make_shared<const Image>(over_background(*decoded.stored, options.background));
@@ -247,7 +249,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
         fmt::format("the resolution divisor is {}, expected 1 or more", options.resolution));
   limit_opencv_to_one_thread();
   state_->full = scene.cameras;
-  state_->masks_ignore = scene.masks_ignore;
+  state_->masks = scene.masks;
   for (const Camera& camera : scene.cameras) {
     state_->reduced_cameras.push_back(reduced(camera, options.resolution));
     state_->reduced_cameras.back().lens = {};
@@ -296,8 +298,12 @@ std::shared_ptr<const Image> FrameStore::alpha(const Frame& frame) {
   return state_->get(frame)->alpha;
 }
 
+std::shared_ptr<const Image> FrameStore::foreground(const Frame& frame) {
+  return state_->masks == Masks::foreground ? state_->get(frame)->mask : nullptr;
+}
+
 std::shared_ptr<const Image> FrameStore::counted(const Frame& frame) {
-  return state_->get(frame)->counted;
+  return state_->masks == Masks::ignore ? state_->get(frame)->mask : nullptr;
 }
 
 std::shared_ptr<const Image> FrameStore::image(const Frame& frame) {

@@ -40,8 +40,12 @@ class FrameStore {
   std::shared_ptr<const Image> alpha(const Frame& frame);
 
   // One channel, 0 where a pixel takes no part in losses and metrics, else 255; null if all pixels
-  // count (Scene::masks_ignore).
+  // count (Masks::ignore).
   std::shared_ptr<const Image> counted(const Frame& frame);
+
+  // One channel, 0 in the background, else 255; null without a mask of the foreground
+  // (Masks::foreground).
+  std::shared_ptr<const Image> foreground(const Frame& frame);
 
   // The background of rgb().
   std::array<uint8_t, 3> background() const;

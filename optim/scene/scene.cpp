@@ -310,8 +310,9 @@ void set_masks(Scene& scene, const SceneOptions& options) {
   }
   if (masked < all)
     scene.notices.push_back(
-        fmt::format("{} of {} images have a mask; in the others all pixels count", masked, all));
-  scene.masks_ignore = options.masks != Masks::alpha;
+        fmt::format("{} of {} images have a mask; in the others all pixels {}", masked, all,
+                    options.masks == Masks::foreground ? "weigh the same" : "count"));
+  scene.masks = options.masks == Masks::automatic ? Masks::ignore : options.masks;
   if (options.masks == Masks::automatic)
     scene.notices.push_back(
         "where masks are black, pixels are left out of the training; if black means transparent, "

@@ -25,7 +25,7 @@ struct Frame {
   double time = 0;   // [0, 1]
   std::string path;  // image, or video if video_frame >= 0
   std::shared_ptr<const Image> image;  // the image itself, of a scene in memory: path names it
-  std::string mask_path;               // mask image (Scene::masks_ignore), or empty
+  std::string mask_path;               // mask image (Scene::masks), or empty
   int video_frame = -1;                // index of the video frame
   std::string flow_path;  // true flow to the next step seen by this camera held static, or empty
   double flow_time = 0;   // [0, 1]; target time of the true flow
@@ -56,8 +56,8 @@ struct Scene {
   // Distance along the axis of a camera from which Gaussians are drawn [scene units]; 0: not known
   // yet (complete_scene).
   double near_plane = 0;
-  bool has_alpha = false;     // images have straight alpha, or masks that are multiplied into it
-  bool masks_ignore = false;  // masks say where pixels count instead: 0 is left out of all losses
+  bool has_alpha = false;            // images have straight alpha, or masks that mean it
+  Masks masks = Masks::alpha;        // what the frames' masks mean: ignore, alpha or foreground
   std::vector<std::string> notices;  // what was left out or assumed, one sentence each
 };
 

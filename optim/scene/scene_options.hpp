@@ -13,10 +13,13 @@ namespace gflow {
 enum class Background { white, black, random };
 constexpr std::array<const char*, 3> names_of(Background) { return {"white", "black", "random"}; }
 
-// What mask images mean: black pixels take no part in the training, or they are transparent.
-// automatic: as the programs of the layout take them.
-enum class Masks { automatic, ignore, alpha, none };
-constexpr std::array<const char*, 4> names_of(Masks) { return {"auto", "ignore", "alpha", "none"}; }
+// What mask images mean: black pixels take no part in the training, they are transparent, or they
+// are background, which matters less than the rest. automatic: as the programs of the layout take
+// them.
+enum class Masks { automatic, ignore, alpha, foreground, none };
+constexpr std::array<const char*, 5> names_of(Masks) {
+  return {"auto", "ignore", "alpha", "foreground", "none"};
+}
 
 // What depth files hold: depth in scene units, depth up to a scale and a shift of each image, or
 // inverse depth up to these, as networks for single images estimate it.
@@ -85,8 +88,9 @@ struct SceneOptions {
           "name");
     field("masks", self.masks,
           "mask images (mask_path of nerfstudio, masks/ of COLMAP, seg/ of Panoptic): black pixels "
-          "are left out of losses and metrics (ignore) or transparent (alpha); none: no masks; "
-          "auto: ignore. seg/ of Panoptic, which labels what moves, is used with alpha only");
+          "are left out of losses and metrics (ignore), transparent (alpha), or background, less "
+          "important than the others (foreground, see loss.foreground); none: no masks; auto: "
+          "ignore, but none for Panoptic, whose seg/ labels what moves");
     field("depth", self.depth,
           "what depth files hold (depth/, see loss.depth): depth in scene units (metric), depth up "
           "to scale and shift (scaled), or inverse depth up to scale and shift (disparity)");

@@ -15,7 +15,7 @@ std::unique_ptr<Objective> image(const TrainInputs& in) {
   if (have_own_colors(in.options.loss.camera_color, in.scene))
     colors = {in.options.lr.camera_color, in.options.loss.camera_color_shrink};
   return std::make_unique<ImageObjective>(in.queue, in.scene, in.frames, in.options.loss.ssim,
-                                          colors);
+                                          in.options.loss.foreground, colors);
 }
 
 std::unique_ptr<Objective> flow(const TrainInputs& in) {

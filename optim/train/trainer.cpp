@@ -80,7 +80,7 @@ void Trainer::step(Queue& queue, int step) {
     view_pass_.run(queue, context, sample, in_batch++, population.needs_all_posed());
     untouched_ = false;
     const Camera& camera = in_.frames.camera(*sample.frame);
-    const bool some_ignored = in_.scene.masks_ignore && !sample.frame->mask_path.empty();
+    const bool some_ignored = in_.scene.masks == Masks::ignore && !sample.frame->mask_path.empty();
     population.see(queue, renderer(), renderer().shot(), camera.width, camera.height, some_ignored);
   }
   untouched_ = false;

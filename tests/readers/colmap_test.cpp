@@ -326,7 +326,7 @@ TEST(Colmap, MasksBesideTheImagesAreIgnoredPixelsOrAlpha) {
   make_png(folder, "masks/b.png.png", 8, 6, 1);
   Scene scene = read_scene(folder.path());
   EXPECT_FALSE(scene.has_alpha);
-  EXPECT_TRUE(scene.masks_ignore);
+  EXPECT_EQ(scene.masks, Masks::ignore);
   EXPECT_NE(scene.notices.at(0).find("--set scene.masks=alpha"), std::string::npos);
   EXPECT_EQ(std::filesystem::path(scene.test[0].mask_path).filename(), "a.png");
   EXPECT_EQ(std::filesystem::path(scene.train[0].mask_path).filename(), "b.png.png");
@@ -334,7 +334,7 @@ TEST(Colmap, MasksBesideTheImagesAreIgnoredPixelsOrAlpha) {
   options.masks = Masks::alpha;
   scene = read_scene(folder.path(), options);
   EXPECT_TRUE(scene.has_alpha);
-  EXPECT_FALSE(scene.masks_ignore);
+  EXPECT_EQ(scene.masks, Masks::alpha);
   options.masks = Masks::none;
   scene = read_scene(folder.path(), options);
   EXPECT_FALSE(scene.has_alpha);

@@ -250,12 +250,12 @@ TEST(Nerfstudio, MasksOfFramesAreIgnoredPixelsOrAlpha) {
   SceneOptions options;
   Scene scene = read_scene(folder.path(), options);
   EXPECT_FALSE(scene.has_alpha);
-  EXPECT_TRUE(scene.masks_ignore);
+  EXPECT_EQ(scene.masks, Masks::ignore);
   EXPECT_EQ(scene.train[0].mask_path, folder.file("masks/1.png"));
   options.masks = Masks::alpha;
   EXPECT_TRUE(read_scene(folder.path(), options).has_alpha);
   options.masks = Masks::none;
-  EXPECT_FALSE(read_scene(folder.path(), options).masks_ignore);
+  EXPECT_NE(read_scene(folder.path(), options).masks, Masks::ignore);
   EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
 }
 

@@ -89,6 +89,9 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   options.masks = Masks::ignore;
   EXPECT_FALSE(read_scene(folder.path(), options).train[0].mask_path.empty());
   EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
+  options.masks = Masks::foreground;
+  EXPECT_FALSE(read_scene(folder.path(), options).train[0].mask_path.empty());
+  EXPECT_FALSE(read_scene(folder.path(), options).has_alpha);
   options.masks = Masks::alpha;
   const Scene scene = read_scene(folder.path(), options);
   EXPECT_EQ(scene.points.xyz, (std::vector<double>{1, 2, 3}));

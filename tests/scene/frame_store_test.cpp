@@ -230,7 +230,7 @@ TEST(FrameStore, AMaskMaySayWhichPixelsCount) {
   mask.pixels[8 + 2] = 0;  // x 2, y 1
   write_png(folder.file("masks/m.png"), mask);
   scene.train[0].mask_path = folder.file("masks/m.png");
-  scene.masks_ignore = true;
+  scene.masks = Masks::ignore;
   FrameStore store(scene);
   EXPECT_EQ(store.rgb(scene.train[0])->channels, 3);
   EXPECT_EQ(store.alpha(scene.train[0]), nullptr);
@@ -259,7 +259,7 @@ TEST(FrameStore, AMaskThatIsBlackEverywhereIsTold) {
   Scene scene = make_scene(folder, 3);
   write_png(folder.file("masks/black.png"), {8, 6, 1, std::vector<uint8_t>(48)});
   scene.train[0].mask_path = folder.file("masks/black.png");
-  scene.masks_ignore = true;
+  scene.masks = Masks::ignore;
   FrameStore store(scene);
   testing::internal::CaptureStderr();
   store.counted(scene.train[0]);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Training on cameras of different exposure: the scene has the mean colours.
 #include "optim/eval/evaluation.hpp"
-#include "optim/images/image.hpp"
 #include "optim/train/train.hpp"
 #include "tests/support/on_one_scene.hpp"
+#include "tests/support/scene_in_memory.hpp"
 
 namespace gflow {
 namespace {
@@ -13,30 +13,12 @@ class CameraColorTraining : public OnOneScene {
   // The scene in memory, of which each training camera shows `exposure` times the colours, and the
   // test camera its own.
   Scene with_exposures(const TrainOptions& config, const std::vector<double>& exposures) {
-    const LoadedScene loaded = load_scene(config.scene, "");
-    Scene scene;
-    scene.name = "in memory";
-    scene.cameras = loaded.scene.cameras;
-    scene.points = loaded.scene.points;
-    const auto add = [&](const std::vector<Frame>& from, std::vector<Frame>& to, bool exposed) {
-      for (const Frame& file : from) {
-        Frame frame;
-        frame.camera = file.camera;
-        frame.track = file.track;
-        frame.time = file.time;
-        frame.name = file.name;
-        Image image = *loaded.frames->rgb(file);
-        const double exposure = exposed ? exposures.at(size_t(file.camera) % exposures.size()) : 1;
-        for (uint8_t& level : image.pixels)
-          level = uint8_t(std::lround(std::min(255., exposure * level)));
-        frame.image = std::make_shared<const Image>(std::move(image));
-        to.push_back(frame);
-      }
-    };
-    add(loaded.scene.train, scene.train, true);
-    add(loaded.scene.test, scene.test, false);
-    complete_scene(scene);
-    return scene;
+    return in_memory(
+        load_scene(config.scene, ""), [&](const Frame& frame, Image& image, bool train) {
+          const double exposure = train ? exposures.at(size_t(frame.camera) % exposures.size()) : 1;
+          for (uint8_t& level : image.pixels)
+            level = uint8_t(std::lround(std::min(255., exposure * level)));
+        });
   }
 
   double psnr_of_test_camera(const std::vector<double>& exposures, CameraColor choice) {

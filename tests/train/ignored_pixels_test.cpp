@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Masks of pixels to ignore: what an image shows there changes no bit of the model and no metric.
 #include "optim/eval/evaluation.hpp"
-#include "optim/images/image.hpp"
 #include "optim/train/train.hpp"
 #include "tests/support/on_one_scene.hpp"
+#include "tests/support/scene_in_memory.hpp"
 
 namespace gflow {
 namespace {
@@ -14,41 +14,22 @@ class Ignored : public OnOneScene {
  protected:
   // The scene in memory with a rectangle of that grey in every second image; masked: under a mask.
   Scene with_passer_by(const TrainOptions& config, uint8_t grey, bool masked) {
-    LoadedScene loaded = load_scene(config.scene, "");
-    Scene scene;
-    scene.name = "in memory";
-    scene.cameras = loaded.scene.cameras;
-    scene.points = loaded.scene.points;
-    scene.masks_ignore = masked;
-    const auto add = [&](const std::vector<Frame>& from, std::vector<Frame>& to) {
-      for (const Frame& file : from) {
-        Frame frame;
-        frame.camera = file.camera;
-        frame.track = file.track;
-        frame.time = file.time;
-        frame.name = file.name;
-        Image image = *loaded.frames->rgb(file);
-        Image mask{image.width, image.height, 1, {}};
-        mask.pixels.assign(image.pixels.size() / 3, 255);
-        if (to.size() % 2 == 0) {
-          for (int y = kFirst; y < kLast; ++y)
-            for (int x = kFirst; x < kLast; ++x) {
-              const size_t pixel = size_t(y) * size_t(image.width) + size_t(x);
-              std::fill_n(&image.pixels[3 * pixel], 3, grey);
-              mask.pixels[pixel] = 0;
-            }
-          frame.mask_path = folder_.file(frame.name + ".png");
-          write_png(frame.mask_path, mask);
-          if (!masked) frame.mask_path.clear();
+    size_t images = 0;
+    const auto change = [&](Frame& frame, Image& image, bool) {
+      if (images++ % 2 != 0) return;
+      Image mask{image.width, image.height, 1, {}};
+      mask.pixels.assign(image.pixels.size() / 3, 255);
+      for (int y = kFirst; y < kLast; ++y)
+        for (int x = kFirst; x < kLast; ++x) {
+          const size_t pixel = size_t(y) * size_t(image.width) + size_t(x);
+          std::fill_n(&image.pixels[3 * pixel], 3, grey);
+          mask.pixels[pixel] = 0;
         }
-        frame.image = std::make_shared<const Image>(std::move(image));
-        to.push_back(frame);
-      }
+      if (!masked) return;
+      frame.mask_path = folder_.file(frame.name + ".png");
+      write_png(frame.mask_path, mask);
     };
-    add(loaded.scene.train, scene.train);
-    add(loaded.scene.test, scene.test);
-    complete_scene(scene);
-    return scene;
+    return in_memory(load_scene(config.scene, ""), change, Masks::ignore);
   }
   TrainOptions config() {
     TrainOptions config = small_config(scene(), 60);

@@ -82,6 +82,15 @@ std::string file_in(const std::string& folder, const char* sub, const std::strin
   return path;
 }
 
+// The mask of an image in seg/. The scenes of Dynamic 3D Gaussians have none of test cameras, which
+// training on the foreground does not need.
+std::string mask_of(const std::string& folder, const std::string& image, const MetaFile& meta,
+                    Masks meaning) {
+  const std::string name = fs::path(image).replace_extension(".png").string();
+  if (meaning == Masks::foreground && !fs::exists(fs::path(folder) / "seg" / name)) return "";
+  return file_in(folder, "seg", name, meta);
+}
+
 // The Panoptic Studio has 511 cameras.
 int camera_number(const Json& value, const std::string& what) {
   constexpr int most = 1000000;
@@ -111,9 +120,8 @@ std::vector<Frame> read_split(const std::string& folder, const std::string& path
                                 owner->second));
       Frame frame;
       frame.path = file_in(folder, "ims", name, meta);
-      if (options.masks == Masks::alpha || options.masks == Masks::ignore)
-        frame.mask_path =
-            file_in(folder, "seg", fs::path(name).replace_extension(".png").string(), meta);
+      if (options.masks != Masks::automatic && options.masks != Masks::none)
+        frame.mask_path = mask_of(folder, name, meta, options.masks);
       frame.track = id;
       frame.step = int(t);
       frame.time = meta.times > 1 ? double(t) / double(meta.times - 1) : 0;

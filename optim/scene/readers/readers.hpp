@@ -49,7 +49,7 @@ bool is_nerfies(const std::string& folder);
 Scene read_nerfies(const std::string& folder, const SceneOptions& options);
 
 // Panoptic Studio as in Dynamic 3D Gaussians: train_meta.json and test_meta.json (w, h, k, w2c, fn,
-// cam_id), images in ims/, points in init_pt_cld.npz. seg/ holds masks, used for Masks::alpha.
+// cam_id), images in ims/, points in init_pt_cld.npz. seg/ holds masks, used on request.
 bool is_panoptic(const std::string& folder);
 Scene read_panoptic(const std::string& folder, const SceneOptions& options);
 
