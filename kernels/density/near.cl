@@ -4,10 +4,13 @@
 #include "shared/arrays.h"
 
 #define NEAR_CAMERA 18  // rows of the viewmat [3, 4], fx fy cx cy, width, height
+// Nearer than this share of the near plane may be the housing and the lens of the camera itself,
+// which others see.
+#define HOUSING 0.3f
 
 static inline int is_before(float3 p, float near_plane, global const float* camera) {
   const float z = dot(load3(camera + 8, 0), p) + camera[11];
-  if (!(z > 0.f && z < near_plane)) return 0;
+  if (!(z > HOUSING * near_plane && z < near_plane)) return 0;
   const float x = dot(load3(camera, 0), p) + camera[3];
   const float y = dot(load3(camera + 4, 0), p) + camera[7];
   const float u = camera[12] * x / z + camera[14], v = camera[13] * y / z + camera[15];

@@ -7,7 +7,7 @@
 
 namespace gflow {
 
-// Whether cameras have colours of their own. automatic: with several cameras that stand still.
+// Whether cameras have colours of their own. automatic: for rigs of cameras that stand still.
 enum class CameraColor { automatic, off, on };
 constexpr std::array<const char*, 3> names_of(CameraColor) { return {"auto", "off", "on"}; }
 
@@ -33,7 +33,8 @@ struct LossOptions {
     field("ssim", self.ssim, "share of 1 - SSIM in the image loss; the rest is L1", between(0, 1));
     field("camera_color", self.camera_color,
           "learn the colours of each camera, an affine map: exposure and white balance differ "
-          "(on; auto: with three or more cameras that stand still); views of other cameras are "
+          "(on; auto: three or more cameras that stand still, not photographs of a walk); views of "
+          "other cameras are "
           "rendered with the mean colours");
     field("camera_color_shrink", self.camera_color_shrink,
           advanced("weight of the squares of that map's deviations from identity"), at_least(0));

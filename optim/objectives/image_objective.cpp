@@ -11,12 +11,14 @@
 
 namespace gflow {
 
-// Cameras that stand still take several images each, or one each of a scene that does.
+// Several cameras that stand still. Images of one camera that walks have maps of their own, too, if
+// its exposure is automatic; but test images lie between them and are more like their neighbours
+// than like the mean.
 bool have_own_colors(CameraColor choice, const Scene& scene) {
   if (choice != CameraColor::automatic) return choice == CameraColor::on;
   std::set<int> cameras;
   for (const Frame& frame : scene.train) cameras.insert(frame.camera);
-  const bool still = scene.steps < 2 || scene.train.size() >= 2 * cameras.size();
+  const bool still = is_rig(scene.layout) || scene.train.size() >= 2 * cameras.size();
   return still && cameras.size() >= 3;
 }
 

@@ -34,6 +34,7 @@ enum Traits : unsigned {
   kSkipsCameras = 2,   // the reader itself applies scene.skip_cameras
   kUsesTestEvery = 4,  // the reader chooses test images by scene.test_every
   kZIsUp = 8,          // is_z_up()
+  kIsRig = 16,         // is_rig()
 };
 
 struct Layout {
@@ -50,8 +51,8 @@ bool is_video(const std::string& path) { return fs::is_regular_file(path); }
 // files of their layout, and numbered images occur anywhere.
 constexpr Layout layouts[] = {
     {"video", nullptr, is_video, read_video_file, kTakesCameras},
-    {"n3v", "poses_bounds.npy (N3V)", is_n3v, read_n3v, kSkipsCameras},
-    {"panoptic", "train_meta.json (Panoptic)", is_panoptic, read_panoptic, kNone},
+    {"n3v", "poses_bounds.npy (N3V)", is_n3v, read_n3v, kSkipsCameras | kIsRig},
+    {"panoptic", "train_meta.json (Panoptic)", is_panoptic, read_panoptic, kIsRig},
     {"nerfies", "dataset.json and metadata.json (nerfies)", is_nerfies, read_nerfies, kNone},
     {"consistent4d", "input/ (Consistent4D)", has_input_view, read_consistent4d, kTakesCameras},
     {"blender", "transforms_train.json (Blender, D-NeRF)", is_blender, read_blender, kZIsUp},
@@ -416,6 +417,8 @@ bool are_training_images(const Scene& scene, const std::vector<Frame>& frames) {
 bool takes_cameras(std::string_view layout) { return has_trait(layout, kTakesCameras); }
 
 bool is_z_up(std::string_view layout) { return has_trait(layout, kZIsUp); }
+
+bool is_rig(std::string_view layout) { return has_trait(layout, kIsRig); }
 
 std::string layout_of(const std::string& path) {
   for (const Layout& layout : layouts)

@@ -98,6 +98,8 @@ bool are_training_images(const Scene& scene, const std::vector<Frame>& frames);
 bool takes_cameras(std::string_view layout);
 // Whether z points up in all scenes of a layout.
 bool is_z_up(std::string_view layout);
+// Whether the cameras of a layout are several that film at the same time.
+bool is_rig(std::string_view layout);
 // Scene::layout of a folder or video; empty if none fits.
 std::string layout_of(const std::string& path);
 

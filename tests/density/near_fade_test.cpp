@@ -12,9 +12,11 @@ namespace {
 constexpr float kLogit = 2, kFaint = -5;
 
 // Gaussians at x = 0 and depths along the axis of a camera at the origin that looks along z, with a
-// near plane at 1 and an image of 100 x 100; the last two are beside its image and behind it.
+// near plane at 1 and an image of 100 x 100; the last three are beside its image, behind it, and in
+// its housing.
 const std::vector<std::array<float, 3>> kPlaces = {{0, 0, 0.5f}, {0, 0, 0.99f}, {0, 0, 1.01f},
-                                                   {0, 0, 5},    {2, 0, 0.5f},  {0, 0, -0.5f}};
+                                                   {0, 0, 5},    {2, 0, 0.5f},  {0, 0, -0.5f},
+                                                   {0, 0, 0.2f}};
 
 PinholeCamera camera_at(double x) {
   Camera camera;
@@ -54,12 +56,12 @@ std::vector<float> faded(const std::vector<PinholeCamera>& cameras) {
 
 TEST(NearFade, FadesWhatIsBetweenACameraAndItsNearPlane) {
   EXPECT_EQ(faded({camera_at(0)}),
-            (std::vector<float>{kFaint, kFaint, kLogit, kLogit, kLogit, kLogit}));
+            (std::vector<float>{kFaint, kFaint, kLogit, kLogit, kLogit, kLogit, kLogit}));
 }
 
 TEST(NearFade, AsksEveryCamera) {
   EXPECT_EQ(faded({camera_at(50), camera_at(2)}),
-            (std::vector<float>{kLogit, kLogit, kLogit, kLogit, kFaint, kLogit}));
+            (std::vector<float>{kLogit, kLogit, kLogit, kLogit, kFaint, kLogit, kLogit}));
   EXPECT_EQ(faded({}), std::vector<float>(kPlaces.size(), kLogit));
 }
 
