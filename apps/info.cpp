@@ -195,6 +195,13 @@ Json camera_names(const Scene& scene) {
   return names;
 }
 
+// How many training images have a depth file.
+std::string depth_of(const Scene& scene) {
+  const auto count = std::count_if(scene.train.begin(), scene.train.end(),
+                                   [](const Frame& frame) { return !frame.depth_path.empty(); });
+  return count == 0 ? "none" : fmt::format("{} of {} training images", count, scene.train.size());
+}
+
 // How many images have a mask, and what it means.
 std::string masks_of(const Scene& scene) {
   size_t masked = 0, all = 0;
@@ -235,6 +242,7 @@ Json info_of(const Scene& scene, const std::string& path) {
             {"lens", lenses_of(scene)},
             {"alpha", scene.has_alpha},
             {"masks", masks_of(scene)},
+            {"depth", depth_of(scene)},
             {"points", scene.points.size()}};
   if (scene.points.size() > 0) {
     info["points_file"] = scene.points.source;

@@ -12,8 +12,8 @@
 static inline lane_int in_file(lane x) { return fabs(x) <= TO_LANE(DEPTH_LIMIT); }  // NaN fails
 
 // Sums for the least squares fit of y = scale x + shift over the pixels; y is the rendered depth, or
-// its inverse if `disparity`. Pixels weigh their alpha, less if the file's value is unusual, and if `robust` less where the fit so
-// far is wrong.
+// its inverse if `disparity`. Pixels weigh their alpha, less if the file's value is unusual, and if
+// `robust` less where the fit so far is wrong.
 // One of `items` work-items takes every items-th vector of pixels.
 kernel void depth_fit_sums(const uint n, const uint items, const int disparity, const int robust,
                            const uint image,

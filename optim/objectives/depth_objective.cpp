@@ -8,7 +8,9 @@
 
 #include "optim/objectives/crop.hpp"
 #include "optim/scene/depth_map.hpp"
+#include "optim/scene/depths.hpp"
 #include "runtime/base/error.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -36,8 +38,10 @@ void standardise(std::vector<float>& values) {
   if (known.empty()) return;
   const float middle = median(known);
   for (float& x : known) x = std::fabs(x - middle);
-  const float deviation = median(known);
-  for (float& x : values) x = (x - middle) / (deviation > 0 ? deviation : 1);
+  double deviation = double(median(known));
+  if (!(deviation > 0))  // half of the values are one
+    for (const float x : known) deviation += double(x) / double(known.size());
+  for (float& x : values) x = float((double(x) - double(middle)) / (deviation > 0 ? deviation : 1));
 }
 
 std::map<std::string, size_t> images_with_depth(const Scene& scene) {
@@ -47,7 +51,57 @@ std::map<std::string, size_t> images_with_depth(const Scene& scene) {
   return images;
 }
 
+bool says_nothing(const std::vector<float>& known, DepthFiles files) {
+  if (known.empty()) return true;
+  const auto [least, most] = std::minmax_element(known.begin(), known.end());
+  return files != DepthFiles::metric && *least == *most;
+}
+
 }  // namespace
+
+void require_depth(const TrainOptions& options, const Scene& scene, const FrameStore& frames) {
+  if (!(options.loss.depth > 0)) return;
+  std::vector<const Frame*> with_depth;
+  for (const Frame& frame : scene.train)
+    if (!frame.depth_path.empty()) with_depth.push_back(&frame);
+  if (with_depth.empty())
+    throw Error(
+        fmt::format("loss.depth is {:g}, but no training image of scene '{}' has a depth file: put "
+                    "them into depth/, named like the images (.npy or .png), or name them by "
+                    "'depth_file_path' (nerfstudio)",
+                    options.loss.depth, scene.name));
+  constexpr size_t most = 100;  // files to look into
+  const size_t stride = (with_depth.size() + most - 1) / most;
+  std::vector<float> ratios;  // of their depth to that of points
+  size_t useless = 0, checked = 0;
+  std::string one;
+  for (size_t i = 0; i < with_depth.size(); i += stride, ++checked) {
+    const Frame& frame = *with_depth[i];
+    const Camera& camera = frames.camera(frame);
+    std::vector<float> known = read_depth_map(frame, scene.cameras[size_t(frame.camera)],
+                                              camera.width, camera.height, options.scene);
+    remove_unknown(known, options.scene.depth);
+    known.erase(std::remove_if(known.begin(), known.end(), [](float x) { return std::isnan(x); }),
+                known.end());
+    if (says_nothing(known, options.scene.depth)) {
+      if (useless++ == 0) one = frame.depth_path;
+    } else if (const double depth = median_depth_of_points(scene, frame.camera); depth > 0) {
+      ratios.push_back(median(known) / float(depth));
+    }
+  }
+  if (useless > 0)
+    warn(
+        fmt::format("{} of {} depth files have no depth or one value everywhere and train "
+                    "nothing, such as {}",
+                    useless, checked, one));
+  if (options.scene.depth != DepthFiles::metric || ratios.empty()) return;
+  if (const float ratio = median(ratios); ratio > 3 || ratio < 1 / 3.f)
+    warn(fmt::format(
+        "the depth files of scene '{}' are {:.3g} times as deep as its points: if their "
+        "unit is not that of the cameras, set scene.depth_unit (integers) or "
+        "scene.depth=scaled",
+        scene.name, ratio));
+}
 
 DepthObjective::DepthObjective(Queue& queue, const TrainOptions& options, const Scene& scene,
                                FrameStore& frames)
@@ -56,13 +110,8 @@ DepthObjective::DepthObjective(Queue& queue, const TrainOptions& options, const 
       frames_(frames),
       cache_(kCacheBytes),
       images_(images_with_depth(scene)),
-      loss_(queue, fit_of(options.scene.depth), options.loss.depth_knee, images_.size()) {
-  if (images_.empty())
-    throw Error(
-        fmt::format("loss.depth is {:g}, but no training image of scene '{}' has a depth file: put "
-                    "them into depth/, named like the images (.npy or .png)",
-                    options.loss.depth, scene.name));
-}
+      loss_(queue, fit_of(options.scene.depth), options.loss.depth_knee, images_.size()),
+      whole_fits_(images_.size(), 0) {}
 
 DepthFit DepthObjective::fit_of(DepthFiles files) {
   if (files == DepthFiles::metric) return DepthFit::none;
@@ -99,7 +148,10 @@ void DepthObjective::add_gradients(Queue& queue, const ViewContext& view, const 
   if (!has_depth_) return;
   const Images& images = renderer.images();
   const size_t image = images_.at(view.sample.frame->depth_path), pixels = part_.size();
-  if (view.share == 1) loss_.fit(queue, image, pixels, images.depth, images.alpha, file_);
+  const bool whole = view.share == 1;
+  if (whole || !whole_fits_[image])
+    loss_.fit(queue, image, pixels, images.depth, images.alpha, file_);
+  whole_fits_[image] |= whole;
   loss_.run(queue, options_.loss.depth * view.share, image, pixels, images.depth, images.alpha,
             file_, v.v_depth, v.v_alpha);
   is_new_ = true;
@@ -124,6 +176,7 @@ void DepthObjective::save_state(Queue& queue, Arrays& arrays) {
   const DepthLossValue last = value(queue);
   arrays["depth_loss/last"] = {{2}, std::vector<float>{float(last.loss), float(last.error)}};
   arrays["depth_loss/fits"] = {{images_.size(), 4}, loss_.fits().read(queue)};
+  arrays["depth_loss/whole_fits"] = {{images_.size()}, whole_fits_};
 }
 
 void DepthObjective::load_state(Queue& queue, const Arrays& arrays, const std::string& path) {
@@ -134,6 +187,7 @@ void DepthObjective::load_state(Queue& queue, const Arrays& arrays, const std::s
   value_ = {double(last[0]), double(last[1]), 0};
   loss_.fits().write(queue,
                      exact_values<float>(arrays, "depth_loss/fits", {images_.size(), 4}, path));
+  whole_fits_ = exact_values<uint8_t>(arrays, "depth_loss/whole_fits", {images_.size()}, path);
 }
 
 }  // namespace gflow

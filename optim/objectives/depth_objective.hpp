@@ -11,9 +11,13 @@
 
 namespace gflow {
 
+// Looks into the depth files if loss.depth needs them. Error if there are none or one cannot be
+// read; warns of files that say nothing, and if they are in another unit than the scene's points.
+void require_depth(const TrainOptions& options, const Scene& scene, const FrameStore& frames);
+
 class DepthObjective : public Objective {
  public:
-  // All references must outlive it. Error if no training image has a depth file.
+  // All references must outlive it. require_depth has been called.
   DepthObjective(Queue& queue, const TrainOptions& options, const Scene& scene, FrameStore& frames);
 
   static DepthFit fit_of(DepthFiles files);
@@ -39,6 +43,8 @@ class DepthObjective : public Objective {
   LruCache<std::string, DepthMap> cache_;       // by Frame::depth_path
   const std::map<std::string, size_t> images_;  // their numbers in the fits, likewise
   DepthLoss loss_;
+  // Whether an image was fitted as a whole; before, the fit of a part must do.
+  std::vector<uint8_t> whole_fits_;
   DepthMap part_;  // source of asynchronous writes
   Buffer<float> file_{"depth file"};
   bool has_depth_ = false;  // whether the view has depth

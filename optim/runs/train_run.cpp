@@ -87,6 +87,7 @@ void prepare(RunParts& parts, const std::string& left) {
     print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
     print_status("Gaussians are drawn from {:.3g} scene units before a camera on (render.near)\n",
                  config.render.near);
+    print_status("{}", steps_in_words(prepared.scene(), config.train));
   }
   if (prepared.lacks_flow()) stop.set("interrupted while computing optical flow; " + left);
   prepared.compute_flow(run.path("flow"), quiet,

@@ -20,23 +20,30 @@ struct Grid {
   std::vector<float> values;  // [height, width]
 };
 
+// Integers in scene units.
+std::vector<float> with_unit(std::vector<float> values, const SceneOptions& options) {
+  if (options.depth == DepthFiles::metric)
+    for (float& value : values) value *= options.depth_unit;
+  return values;
+}
+
 // [H, W], also with sides of 1: networks write [1, H, W] and [H, W, 1].
-Grid read_array(const std::string& path) {
+Grid read_array(const std::string& path, const SceneOptions& options) {
   const Array array = read_npy(path);
   std::vector<size_t> shape = array.shape;
   if (shape.size() > 2) shape.erase(std::remove(shape.begin(), shape.end(), 1u), shape.end());
   if (shape.size() != 2 || array.size() == 0)
     throw Error(
         fmt::format("depth {} has shape {}, expected (height, width)", path, array.shape_text()));
-  return {shape[1], shape[0], array.as_float()};
+  const bool reals = std::holds_alternative<std::vector<float>>(array.values) ||
+                     std::holds_alternative<std::vector<double>>(array.values);
+  return {shape[1], shape[0], reals ? array.as_float() : with_unit(array.as_float(), options)};
 }
 
 Grid read_levels(const std::string& path, const SceneOptions& options) {
   const GreyLevels grey = read_grey_levels(path);
-  Grid grid{size_t(grey.width), size_t(grey.height), {grey.levels.begin(), grey.levels.end()}};
-  if (options.depth == DepthFiles::metric)
-    for (float& value : grid.values) value *= options.depth_unit;
-  return grid;
+  return {size_t(grey.width), size_t(grey.height),
+          with_unit({grey.levels.begin(), grey.levels.end()}, options)};
 }
 
 }  // namespace
@@ -67,7 +74,7 @@ std::vector<float> read_depth_map(const Frame& frame, const Camera& camera, int 
   const std::string& path = frame.depth_path;
   if (path.empty()) throw Error(fmt::format("frame {} has no depth file", frame.name));
   const Grid grid =
-      fs::path(path).extension() == ".png" ? read_levels(path, options) : read_array(path);
+      fs::path(path).extension() == ".png" ? read_levels(path, options) : read_array(path, options);
   const double columns = double(grid.width), rows = double(grid.height);
   const double shape = columns / rows / (double(camera.width) / double(camera.height));
   if (!(shape > 0.98 && shape < 1.02))

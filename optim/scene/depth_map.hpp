@@ -25,9 +25,9 @@ inline bool has_true_depth(const Frame& frame, const SceneOptions& options) {
 // Values of a frame's depth file at the pixels of its image, as the pinhole camera sees it
 // (FrameStore), in a size of [height, width]: depth along the camera's z axis, or disparity, as
 // options.depth says. Nearest samples, because averaging across a silhouette gives a depth of no
-// surface. 0: no surface. Levels of a PNG are multiplied by options.depth_unit if they are metric.
-// Error if the frame has no file, or it is not such an array or grey image, or has another aspect
-// ratio than the image. camera: of the stored image (Scene::cameras).
+// surface. 0: no surface. Integers (PNG, .npy) are multiplied by options.depth_unit if they are
+// metric. Error if the frame has no file, or it is not such an array or grey image, or has another
+// aspect ratio than the image. camera: of the stored image (Scene::cameras).
 std::vector<float> read_depth_map(const Frame& frame, const Camera& camera, int width, int height,
                                   const SceneOptions& options);
 

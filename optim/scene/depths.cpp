@@ -90,4 +90,16 @@ double pixel_size(const Scene& scene) {
   return sizes[sizes.size() / 2];
 }
 
+double median_depth_of_points(const Scene& scene, int camera) {
+  std::vector<double> depths;
+  for (size_t i = 0; i < scene.points.size(); ++i)
+    if (const auto depth = scene.cameras[size_t(camera)].depth_in_view(
+            Eigen::Map<const Eigen::Vector3d>(&scene.points.xyz[3 * i])))
+      depths.push_back(*depth);
+  if (depths.size() < kFewPoints) return 0;
+  const auto middle = depths.begin() + long(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return *middle;
+}
+
 }  // namespace gflow

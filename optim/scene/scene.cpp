@@ -309,15 +309,15 @@ void set_masks(Scene& scene, const SceneOptions& options) {
                           scene);
     return;
   }
-  if (masked < all)
+  // The foreground matters in training only.
+  if (masked < all && options.masks != Masks::foreground)
     scene.notices.push_back(
-        fmt::format("{} of {} images have a mask; in the others all pixels {}", masked, all,
-                    options.masks == Masks::foreground ? "weigh the same" : "count"));
+        fmt::format("{} of {} images have a mask; in the others all pixels count", masked, all));
   scene.masks = options.masks == Masks::automatic ? Masks::ignore : options.masks;
   if (options.masks == Masks::automatic)
     scene.notices.push_back(
         "where masks are black, pixels are left out of the training; if black means transparent, "
-        "use --set scene.masks=alpha");
+        "use --set scene.masks=alpha, if it means background, --set scene.masks=foreground");
 }
 
 }  // namespace

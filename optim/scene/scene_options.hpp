@@ -95,7 +95,8 @@ struct SceneOptions {
           "what depth files hold (depth/, see loss.depth): depth in scene units (metric), depth up "
           "to scale and shift (scaled), or inverse depth up to scale and shift (disparity)");
     field("depth_unit", self.depth_unit,
-          advanced("scene units per grey level of a metric depth PNG (0.001: millimetres)"),
+          advanced("scene units per unit of metric depth files of integers, PNG or .npy (0.001: "
+                   "millimetres)"),
           above(0));
     field("cameras", self.cameras,
           "file with the camera, or with one camera per image: cameras.json or transforms.json; "

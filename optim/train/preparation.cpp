@@ -12,6 +12,7 @@
 #include "optim/init/depth_points.hpp"
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
+#include "optim/objectives/depth_objective.hpp"
 #include "optim/options/scene_defaults.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/summary.hpp"
@@ -142,6 +143,7 @@ Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
   if (scene().train.empty()) throw Error("scene '" + scene().name + "' has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
   require_guided_views(config, scene());
+  require_depth(config, scene(), frames());
   require_sources(config.flow);
   neighbours_ = close_pairs(scene(), config.flow);
   if (config.flow.backward)

@@ -21,6 +21,10 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras);
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
                                      const InitOptions& init, const char* place_of_points);
 
+// One line if more steps would be worth their time, because the images of a large scene are each
+// used few times; else empty.
+std::string steps_in_words(const Scene& scene, const ScheduleOptions& schedule);
+
 // Warns of settings that the scene or another setting makes ineffective.
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config);
 

@@ -457,8 +457,8 @@ TEST_F(Experiment, ARunThatFailsLeavesTheOthers) {
 
 // The small scene stands in for their scenes; its views have other names than in their films.
 TEST_F(Experiment, TheShippedFilesAreRead) {
-  for (const char* scene :
-       {"n3v-baton", "n3v-sphere", "c4d-hammer", "c4d-fox", "dnerf-knight", "consistent4d_trex"})
+  for (const char* scene : {"n3v-baton", "n3v-sphere", "c4d-hammer", "c4d-fox", "dnerf-knight",
+                            "consistent4d_trex", "panoptic_basketball_30"})
     fs::create_directory_symlink(scene_->path(), folder_.file(scene));
   int files = 0;
   for (const auto& entry : fs::directory_iterator(GFLOW_SOURCE_DIR "/apps/experiments")) {

@@ -228,6 +228,7 @@ TEST_F(FilesCommand, InfoTellsWhatAnySceneIs) {
   EXPECT_EQ(info["steps"], 5);
   EXPECT_EQ(info["times"], nlohmann::json::array({0, 0.25, 0.5, 0.75, 1}));
   EXPECT_EQ(info["masks"], "none");
+  EXPECT_EQ(info["depth"], "none");
   EXPECT_EQ(info["lens"], "no distortion");
   EXPECT_NE(info["points_file"].get<std::string>().find("points"), std::string::npos);
   EXPECT_GT(info["points_in_view"], 0.9);

@@ -241,7 +241,7 @@ TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
                  {"none.toml"});
   expect_refused(
       {"train", scene().path(), "-o", out, "--init", "visual_hull"},
-      {"--init visual_hull", "no such file", "auto, points, stereo, random, visual-hull, file"});
+      {"--init visual_hull", "no such file", "auto, points, depth, stereo, random, visual-hull, file"});
   expect_refused({"train", scene().path(), "-o", out, "--init", "file"}, {"init.file is empty"});
   expect_refused({"train", scene().path(), "-o", out, "--init", "visual-hull"}, {"no alpha"});
   fs::copy(scene().path(), folder.path() + "/tracked", fs::copy_options::recursive);

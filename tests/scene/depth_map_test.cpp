@@ -56,6 +56,9 @@ TEST(DepthMap, OfAPngHasUnitsIfMetric) {
   EXPECT_EQ(read(path, 2, 1, options), (std::vector<float>{1500 * 0.01f, 0}));
   options.depth = DepthFiles::disparity;
   EXPECT_EQ(read(path, 2, 1, options), (std::vector<float>{1500, 0}));
+  const std::string integers = folder.file("integers.npy");
+  write_npy(integers, {{1, 2}, std::vector<uint16_t>{1500, 0}});
+  EXPECT_EQ(read(integers, 2, 1), (std::vector<float>{1500 * 0.001f, 0}));
   const std::string colours = folder.file("colours.png");
   write_png(colours, {2, 1, 3, {1, 2, 3, 4, 5, 6}});
   expect_error([&] { read(colours, 2, 1); }, {colours, "grey"});

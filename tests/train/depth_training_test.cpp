@@ -102,10 +102,48 @@ TEST_F(DepthTraining, GoesOnWithTheSameBits) {
 TEST_F(DepthTraining, NeedsFiles) {
   TrainOptions config = two_cameras(10);
   config.loss.depth = 0.3f;
-  expect_error([&] { SmallTraining training(queue_, config); }, {"loss.depth", "depth/"});
+  expect_error([&] { Preparation(config, ""); }, {"loss.depth", "depth/", "depth_file_path"});
+  config.loss.depth = 0;
   config.init.from = InitFrom::depth;
   Preparation prepared(config, "");
   expect_error([&] { prepared.first_model(queue_); }, {"depth file", "init.from"});
+}
+
+TEST_F(DepthTraining, WarnsOfFilesThatSayNothingOrHaveAnotherUnit) {
+  TrainOptions config = two_cameras(10);
+  config.loss.depth = 0.3f;
+  const auto warned = [&] {
+    testing::internal::CaptureStderr();
+    Preparation(config, "");
+    return testing::internal::GetCapturedStderr();
+  };
+  for (const int c : {1, 2}) write_depth(c, [](float z) { return z; });
+  EXPECT_EQ(warned().find("depth"), std::string::npos);
+  for (const int c : {1, 2}) write_depth(c, [](float z) { return 1000 * z; });
+  EXPECT_NE(warned().find("scene.depth_unit"), std::string::npos);
+  config.scene.depth = DepthFiles::scaled;
+  EXPECT_EQ(warned().find("depth files"), std::string::npos);
+  write_depth(1, [](float) { return 0.f; });
+  EXPECT_NE(warned().find("5 of 10 depth files have no depth"), std::string::npos);
+}
+
+// More than half of the pixels at one value; in any unit.
+TEST_F(DepthTraining, FitsDisparityThatIsMostlyClipped) {
+  TrainOptions config = two_cameras(120);
+  config.init.from = InitFrom::points;
+  config.density.enabled = false;
+  config.scene.depth = DepthFiles::disparity;
+  config.loss.depth = 0.3f;
+  const auto error_of = [&](float unit) {
+    for (const int c : {1, 2})
+      write_depth(c, [&](float z) { return unit * std::max(0.f, 1 / z - 0.26f); });
+    SmallTraining training(queue_, config);
+    training.steps(queue_, 120);
+    return training.trainer.state(queue_).at("depth_loss/last").as_float()[1];
+  };
+  const float error = error_of(1);
+  EXPECT_LT(error, 0.2f);
+  EXPECT_NEAR(error_of(60000), error, 0.01f);
 }
 
 // Every first Gaussian is at the depth of its pixel in one of the two cameras.

@@ -57,9 +57,10 @@ bool is_placed(const Json& frame) {
   return true;
 }
 
-// The file that a frame names beside its image, such as its 'mask_path', or empty.
-std::string file_of(const std::string& folder, const Transforms& file, const Json& frame,
-                    const char* key, const std::string& where) {
+// The file of 'mask_path', or empty.
+std::string mask_of(const std::string& folder, const Transforms& file, const Json& frame,
+                    const std::string& where) {
+  constexpr const char* key = "mask_path";
   if (!frame.contains(key)) return "";
   const std::string relative = text(frame[key], fmt::format("'{}' of {}", key, where));
   const std::string path = path_inside(folder, relative, file.path);
@@ -67,6 +68,26 @@ std::string file_of(const std::string& folder, const Transforms& file, const Jso
     throw Error(
         fmt::format("{} lists {} '{}', but there is no file {}", file.path, key, relative, path));
   return path;
+}
+
+void notice_once(const std::string& sentence, std::vector<std::string>& notices) {
+  if (std::find(notices.begin(), notices.end(), sentence) == notices.end())
+    notices.push_back(sentence);
+}
+
+// The file of 'depth_file_path'; empty, with a notice, if it is missing: many data sets are passed
+// on without their depth.
+std::string depth_of(const std::string& folder, const Transforms& file, const Json& frame,
+                     const std::string& where, std::vector<std::string>& notices) {
+  constexpr const char* key = "depth_file_path";
+  if (!frame.contains(key)) return "";
+  const std::string relative = text(frame[key], fmt::format("'{}' of {}", key, where));
+  const std::string path = path_inside(folder, relative, file.path);
+  if (fs::is_regular_file(path)) return path;
+  notice_once(
+      fmt::format("some depth files that {} names do not exist and are left out", file.path),
+      notices);
+  return "";
 }
 
 // instant-ngp's flag for an equidistant lens, whose coefficients are those of OPENCV_FISHEYE.
@@ -117,11 +138,6 @@ std::optional<double> focal_length(const Transforms& file, const Json& frame,
     throw Error(
         fmt::format("'{}' of {} is {}, expected an angle in (0, pi)", angle_key, where, *angle));
   return 0.5 * side / std::tan(0.5 * *angle);
-}
-
-void notice_once(const std::string& sentence, std::vector<std::string>& notices) {
-  if (std::find(notices.begin(), notices.end(), sentence) == notices.end())
-    notices.push_back(sentence);
 }
 
 // Some programs write intrinsics divided by the width and the height.
@@ -229,9 +245,8 @@ std::vector<Frame> read_frames(const std::string& folder, const Transforms& file
     if (!is_new)
       throw Error(fmt::format("{} has image {}, which is already that of frame {}", where,
                               frame.path, before->second));
-    if (options.masks != Masks::none)
-      frame.mask_path = file_of(folder, file, entry, "mask_path", where);
-    frame.depth_path = file_of(folder, file, entry, "depth_file_path", where);
+    if (options.masks != Masks::none) frame.mask_path = mask_of(folder, file, entry, where);
+    frame.depth_path = depth_of(folder, file, entry, where, scene.notices);
     const auto time = number(entry, "time", where);
     if (time.has_value() != file.json["frames"][0].contains("time"))
       throw Error(fmt::format(
