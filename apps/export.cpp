@@ -228,6 +228,12 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
                host.count, pieces.splats.size(), pieces.duration);
 }
 
+// The near plane of a run; 0 if its cameras.json does not say it.
+double near_of(const RunFolder& run) {
+  const std::string file = run.path("cameras.json");
+  return fs::exists(file) ? read_cameras_json(file, 1)[0].near : 0;
+}
+
 // Frees the host copy of the model once the device has it; only its shape remains.
 void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOptions& options) {
   HostModel& host = source.model;
@@ -278,6 +284,11 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
   if (!restored && (x != 0 || y != 0 || z != 0))
     print_result("relative to ({}, {}, {}) in world coordinates, which exceed float precision\n", x,
                  y, z);
+  if (const double near = source.run ? near_of(*source.run) : 0; near > 0)
+    print_result(
+        "near      {:.3g} scene units: set the near plane of a viewer to it to see what gflow "
+        "draws from within the scene\n",
+        near);
   print_state(source.state);
 }
 

@@ -158,6 +158,8 @@ Json info_of_run(const std::string& path, int iteration) {
             {"saved_iterations", iterations_of(run)}};
   if (std::isfinite(state.facts.train_seconds)) info["train_seconds"] = state.facts.train_seconds;
   if (!state.facts.device.empty()) info["device"] = state.facts.device;
+  if (const std::string cameras = run.path("cameras.json"); fs::exists(cameras))
+    info["near_plane"] = read_cameras_json(cameras, 1)[0].near;
   info.update(
       info_of_model(state.model, state.path, state.checkpoint ? "checkpoint" : "ply", state.bytes));
   return info;
@@ -203,10 +205,13 @@ std::string depth_of(const Scene& scene) {
 }
 
 // How many images have a mask, and what it means.
-std::string masks_of(const Scene& scene) {
+std::string masks_of(const Scene& scene, const std::string& path) {
   size_t masked = 0, all = 0;
   for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
     for (const Frame& frame : *split) masked += !frame.mask_path.empty(), ++all;
+  const std::string segments = path + "/seg";
+  if (masked == 0 && scene.layout == "panoptic" && std::filesystem::is_directory(segments))
+    return segments + ", not used unless scene.masks is foreground or alpha";
   if (masked == 0) return "none";
   return fmt::format("{} of {} images; black {}", masked, all,
                      scene.masks == Masks::ignore  ? "takes no part in the training"
@@ -241,7 +246,7 @@ Json info_of(const Scene& scene, const std::string& path) {
             {"fps", scene.fps},
             {"lens", lenses_of(scene)},
             {"alpha", scene.has_alpha},
-            {"masks", masks_of(scene)},
+            {"masks", masks_of(scene, path)},
             {"depth", depth_of(scene)},
             {"points", scene.points.size()}};
   if (scene.points.size() > 0) {

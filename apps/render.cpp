@@ -130,6 +130,13 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
   return orbit_views(source.model, parse_times(times), flags.up);
 }
 
+// The near plane: of the settings, the scene or cameras.json; 0 if none says it.
+double near_of(const Source& source, const std::vector<RenderView>& views) {
+  const float set = source.config.render.near;
+  if (source.loaded) return double(near_or_default(set, source.loaded->scene));
+  return set > 0 || views.empty() ? double(set) : views[0].camera.near;
+}
+
 // views: the rendered views; still: whether the model is static.
 void print_written(const RenderReport& report, const std::vector<RenderView>& views, bool still,
                    const std::string& folder) {
@@ -215,7 +222,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   render.settings = engine_settings(source.config);
   const float level = float(shown_level(source.config.scene.background)) / 255;
   render.background = {level, level, level};
-  if (source.config.render.near > 0) render.near = source.config.render.near;
+  if (const double near = near_of(source, views); near > 0) render.near = float(near);
   if (source.loaded) render.fps = source.loaded->scene.fps;
   if (flags.fps > 0) render.fps = flags.fps;
   render.compare = !flags.no_compare;

@@ -12,6 +12,9 @@ namespace {
 constexpr size_t kViews = 8;
 // [dB] below its best at which validation has worsened; a few Gaussians change it by a tenth.
 constexpr double kWorse = 0.5;
+// [dB] between training and validation views, and its growth since the first measurement. Rigs that
+// cover their scene end with up to 4 dB.
+constexpr double kGap = 6, kOpened = 2;
 
 }  // namespace
 
@@ -49,12 +52,23 @@ ValidationPsnr Validation::measure(Queue& queue, Model& model) {
 }
 
 std::string Validation::warning(const ValidationPsnr& now, int steps) {
+  const double gap = now.train - now.val;
+  if (best_steps_ == 0) first_gap_ = gap;
   if (best_steps_ == 0 || now.val > best_.val) {
     best_ = now;
     best_steps_ = steps;
   }
-  if (warned_ || now.val > best_.val - kWorse || now.train < best_.train) return "";
-  warned_ = true;
+  if (!warned_of_gap_ && gap > kGap && gap > first_gap_ + kOpened) {
+    warned_of_gap_ = true;
+    return fmt::format(
+        "views that are not trained reach {:.1f} dB after {} steps, trained ones {:.1f} dB: too "
+        "few "
+        "cameras see each place for its depth; depth files (loss.depth) or more cameras help, or "
+        "the poses are not exact",
+        now.val, steps, now.train);
+  }
+  if (warned_of_worse_ || now.val > best_.val - kWorse || now.train < best_.train) return "";
+  warned_of_worse_ = true;
   return fmt::format(
       "views that are not trained have become worse, from {:.1f} dB after {} steps to {:.1f} dB, "
       "while trained ones reach {:.1f} dB: the scene needs fewer steps (--iterations {}) or fewer "

@@ -27,8 +27,9 @@ class Validation {
   bool possible() const { return !val_.empty(); }
   // Renders the views. Waits.
   ValidationPsnr measure(Queue& queue, Model& model);
-  // One sentence if the PSNR of the validation views has fallen well below its best while that of
-  // the training views grew, once; else "". `steps` have been made.
+  // A sentence, each once, if the PSNR of the validation views has fallen well below its best while
+  // that of the training views grew, or if the gap between the two has opened; else "". `steps`
+  // have been made.
   std::string warning(const ValidationPsnr& now, int steps);
 
  private:
@@ -40,7 +41,8 @@ class Validation {
   Renderer renderer_;
   ValidationPsnr best_;  // when val was highest
   int best_steps_ = 0;
-  bool warned_ = false;
+  double first_gap_ = 0;  // of the first measurement [dB]
+  bool warned_of_worse_ = false, warned_of_gap_ = false;
 };
 
 }  // namespace gflow

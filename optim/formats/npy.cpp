@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string_view>
@@ -104,6 +105,41 @@ size_t count(const std::vector<size_t>& shape, const std::string& name) {
   return empty ? 0 : n;
 }
 
+struct Half {  // IEEE 754 binary16: sign, 5 bits of the exponent, 10 of the fraction
+  uint16_t bits;
+
+  explicit operator float() const {
+    const int exponent = bits >> 10 & 31, fraction = bits & 1023;
+    const float size = exponent == 31  ? (fraction ? NAN : INFINITY)
+                       : exponent == 0 ? std::ldexp(float(fraction), -24)
+                                       : std::ldexp(float(1024 + fraction), exponent - 25);
+    return bits >> 15 ? -size : size;
+  }
+};
+
+std::vector<float> widened(const std::vector<Half>& halves) {
+  return std::vector<float>(halves.begin(), halves.end());
+}
+template <class T>
+std::vector<T> widened(std::vector<T> values) {
+  return values;
+}
+
+// Values in Fortran order, whose first index runs fastest, in C order.
+template <class T>
+std::vector<T> in_c_order(const std::vector<T>& values, const std::vector<size_t>& shape) {
+  std::vector<T> ordered(values.size());
+  std::vector<size_t> index(shape.size());
+  for (const T& value : values) {
+    size_t place = 0;
+    for (size_t axis = 0; axis < shape.size(); ++axis) place = place * shape[axis] + index[axis];
+    ordered[place] = value;
+    for (size_t axis = 0; axis < shape.size() && ++index[axis] == shape[axis]; ++axis)
+      index[axis] = 0;
+  }
+  return ordered;
+}
+
 template <class T>
 Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const std::string& name) {
   const size_t n = count(header.shape, name);
@@ -113,15 +149,15 @@ Array take(const NpyHeader& header, const uint8_t* bytes, size_t length, const s
                                         header.descr, n * sizeof(T)));
   std::vector<T> values(n);
   if (n) std::memcpy(values.data(), bytes + header.length, n * sizeof(T));
-  return {header.shape, std::move(values)};
+  if (header.fortran && header.shape.size() > 1) values = in_c_order(values, header.shape);
+  return {header.shape, widened(std::move(values))};
 }
 
 // Calls take(T{}) with the element type T of the header and returns its result.
 template <class Take>
 auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
-  if (header.fortran)
-    throw_array_error(name, "it is in Fortran order; save it with numpy.ascontiguousarray");
   const std::string& d = header.descr;
+  if (d == "<f2") return take(Half{});
   if (d == "<f4") return take(float{});
   if (d == "<f8") return take(double{});
   if (d == "|i1") return take(int8_t{});
@@ -133,8 +169,8 @@ auto by_type(const NpyHeader& header, const std::string& name, Take&& take) {
   if (d == "<i8") return take(int64_t{});
   throw_array_error(
       name,
-      fmt::format("its elements are {}, expected f4 f8 i1 i2 i4 i8 u1 u2 u4 or b1, little-endian",
-                  d));
+      fmt::format(
+          "its elements are {}, expected f2 f4 f8 i1 i2 i4 i8 u1 u2 u4 or b1, little-endian", d));
 }
 
 template <class T>

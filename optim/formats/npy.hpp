@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// NumPy arrays in memory and as .npy bytes (format 1.0, 2.0 and 3.0; little-endian, C order).
-// Booleans are read as uint8_t, 0 or 1, and written back as u1.
+// NumPy arrays in memory and as .npy bytes (format 1.0, 2.0 and 3.0; little-endian).
+// Booleans are read as uint8_t, 0 or 1, and written back as u1; f2 is read as float. Arrays in
+// Fortran order are read into C order.
 #pragma once
 #include <cstdint>
 #include <string>
@@ -29,8 +30,8 @@ struct Array {
   std::string shape_text() const;
 };
 
-// Parses the bytes of a .npy file; `name` names it in errors. Error for Fortran order, big-endian
-// data, other element types, and a length that differs from the header's.
+// Parses the bytes of a .npy file; `name` names it in errors. Error for big-endian data, other
+// element types, and a length that differs from the header's.
 Array parse_npy(const uint8_t* bytes, size_t length, const std::string& name);
 
 // Length [bytes] of a .npy file from its first bytes, which contain the header. Errors as

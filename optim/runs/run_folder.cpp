@@ -267,8 +267,10 @@ TrainOptions RunFolder::read_config() const {
   }
 }
 
-void RunFolder::write_cameras(const Scene& scene) const {
-  write_file_atomically(path("cameras.json"), cameras_json(scene.cameras));
+void RunFolder::write_cameras(const Scene& scene, float near) const {
+  std::vector<Camera> cameras = scene.cameras;
+  for (Camera& camera : cameras) camera.near = double(near);
+  write_file_atomically(path("cameras.json"), cameras_json(cameras));
 }
 
 }  // namespace gflow

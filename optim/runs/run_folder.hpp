@@ -85,7 +85,8 @@ class RunFolder {
   // Settings of config.toml, completed from the last checkpoint; those of the checkpoint alone,
   // with a warning, if config.toml is missing or damaged. Error if there is neither.
   TrainOptions read_config() const;
-  void write_cameras(const Scene& scene) const;
+  // cameras.json; near: the near plane of all cameras [scene units].
+  void write_cameras(const Scene& scene, float near) const;
   // Parses a line of metrics.jsonl; a discarded value if it is invalid or longer than 64 kB.
   static nlohmann::ordered_json metrics_of(std::string_view line);
   // Appends a line to metrics.jsonl, and the same values to metrics.csv.

@@ -76,7 +76,7 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
 
 void write_first_files(const RunFolder& files, const RunParts& parts) {
   files.write_config(parts.config);
-  files.write_cameras(parts.scene());
+  files.write_cameras(parts.scene(), near_or_default(parts.config.render.near, parts.scene()));
 }
 
 // Computes what the first step needs besides a model. left: what remains if it is interrupted.
@@ -86,7 +86,8 @@ void prepare(RunParts& parts, const std::string& left) {
   if (!quiet) {
     print_status("{}", in_words(prepared.scene(), prepared.frames().cameras()));
     print_status("Gaussians are drawn from {:.3g} scene units before a camera on (render.near)\n",
-                 config.render.near);
+                 near_or_default(config.render.near, prepared.scene()));
+    print_status("{}", colors_in_words(prepared.scene(), config));
     print_status("{}", steps_in_words(prepared.scene(), config.train));
   }
   if (prepared.lacks_flow()) stop.set("interrupted while computing optical flow; " + left);
@@ -237,7 +238,7 @@ Evaluation only_evaluate(RunParts& parts) {
 Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder& run, bool quiet,
                      Start start, const TrainExtensions& extensions) {
   check(options);
-  TrainOptions config = options;
+  const TrainOptions& config = options;
   const std::unique_ptr<WarningsTo> warnings = warnings_to(extensions.observer);
   run.require_its_folders();
   std::unique_ptr<FileLock> lock;
@@ -255,7 +256,6 @@ Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder&
   StopSentence stop("interrupted while reading the scene; nothing was lost");
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
-  config = prepared.config();  // config.toml has what was used
   if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);
   if (plan.starts_fresh()) require_first_points(scene, config.init);
   require_metric_networks(config, scene, prepared.frames());

@@ -11,6 +11,7 @@
 #include "optim/motion/parameters_state.hpp"
 #include "optim/runs/roll_back.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
 #include "runtime/base/usage.hpp"
 #include "runtime/base/warning.hpp"
@@ -164,6 +165,9 @@ class RunObserver : public TrainObserver {
     return stops;
   }
 
+  // The last measurement of views that are held back; "" if there is none.
+  const std::string& validation_in_words() const { return validation_in_words_; }
+
   void on_notice(const std::string& sentence) override {
     progress_.print_line("gflow: " + sentence);
     if (training_.observer) training_.observer->on_notice(sentence);
@@ -248,6 +252,10 @@ class RunObserver : public TrainObserver {
     if (measures) {
       psnr = training_.validation.measure(training_.queue, training_.model);
       shown_validation_ = fmt::format("val {:.1f}", psnr.val);
+      validation_in_words_ = fmt::format(
+          "validation: PSNR {:.2f} dB of views that are held back, {:.2f} dB of trained ones "
+          "(matched colours)\n",
+          psnr.val, psnr.train);
       const std::string warning = training_.validation.warning(psnr, done);
       if (!warning.empty()) on_notice(warning);
     }
@@ -263,7 +271,8 @@ class RunObserver : public TrainObserver {
   bool in_step_ = false;
   Progress progress_;
   RollBack roll_back_;
-  std::string shown_validation_;      // in the progress line
+  std::string shown_validation_;  // in the progress line
+  std::string validation_in_words_;
   StepReport report_;                 // last report read
   std::optional<StepReport> before_;  // last finite report
 };
@@ -284,6 +293,7 @@ int train_steps(Training& training, int step, std::optional<InterruptGuard>& gua
     observer.on_failure(problem);
   }
   observer.finish();
+  if (!quiet) print_status("{}", observer.validation_in_words());
   return step;
 }
 

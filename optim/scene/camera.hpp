@@ -35,7 +35,8 @@ struct Camera {
   double fx = 0, fy = 0, cx = 0, cy = 0;                  // [px]
   Eigen::Matrix4d viewmat = Eigen::Matrix4d::Identity();  // world to camera, OpenCV axes
 
-  Lens lens;  // FrameStore removes its effect from the images
+  Lens lens;        // FrameStore removes its effect from the images
+  double near = 0;  // Gaussians nearer are not drawn [scene units]; 0: cameras.json does not say
 
   // Camera centre in world coordinates.
   Eigen::Vector3d position() const {

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "optim/images/image_header.hpp"
 #include "optim/scene/json_file.hpp"
 #include "optim/scene/readers/reader_util.hpp"
@@ -30,6 +32,7 @@ Camera camera_of(const Json& object, const std::string& where) {
   camera.height = int(height);
   camera.cx = number(object, "cx", where).value_or(0.5 * camera.width);
   camera.cy = number(object, "cy", where).value_or(0.5 * camera.height);
+  camera.near = std::max(number(object, "near", where).value_or(0), 0.0);
   const std::string pose = "the pose of " + where;
   const std::vector<double> p = numbers(member(object, "position", where), 3, pose);
   const Eigen::MatrixXd rotation = matrix(member(object, "rotation", where), 3, 3, pose);
@@ -68,6 +71,7 @@ std::string cameras_json(const std::vector<Camera>& cameras) {
                     {"fy", c.fy},
                     {"cx", c.cx},
                     {"cy", c.cy}});
+    if (c.near > 0) list.back()["near"] = c.near;
   }
   return json_text(list, 1) + "\n";
 }

@@ -10,7 +10,7 @@ namespace gflow {
 
 // Reads a cameras.json and divides image sizes by `resolution`. Fields: img_name, width, height,
 // position, rotation (camera to world, a list of rows), fx, fy, and cx, cy if the principal point
-// is not the image centre. Error if the file is not such a list.
+// is not the image centre, and gflow's near. Error if the file is not such a list.
 std::vector<Camera> read_cameras_json(const std::string& path, int resolution);
 
 // The text of a cameras.json.

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "optim/init/init.hpp"
+#include "optim/objectives/image_objective.hpp"
 #include "optim/scene/depths.hpp"
 #include "runtime/base/warning.hpp"
 
@@ -89,6 +90,12 @@ std::string steps_in_words(const Scene& scene, const ScheduleOptions& schedule) 
       schedule.iterations, scene.train.size(), views / images, std::round(better / 1000) * 1000);
 }
 
+std::string colors_in_words(const Scene& scene, const TrainOptions& config) {
+  if (!have_own_colors(config.loss.camera_color, scene)) return "";
+  return "colours: each training camera has its own exposure and white balance; other views are "
+         "drawn with their mean (loss.camera_color)\n";
+}
+
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
   if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
     warn(fmt::format("scene.cameras = \"{}\" has no effect: scene '{}' has its own cameras ({})",
@@ -125,6 +132,11 @@ void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
   if (config.loss.foreground != LossOptions{}.foreground && config.scene.masks != Masks::foreground)
     warn(fmt::format("loss.foreground = {:g} has no effect without scene.masks = \"foreground\"",
                      config.loss.foreground));
+  if (config.train.validate_every != ScheduleOptions{}.validate_every && scene.val.empty())
+    warn(
+        fmt::format("train.validate_every = {} has no effect: the scene has no validation views; "
+                    "scene.val_every holds some back",
+                    config.train.validate_every));
   const FlowOptions& flow = config.flow;
   const bool asks_tracks =
       flow.source == FlowSource::tracks || (flow.long_span == FarFlow::tracks && flow.span != 1);

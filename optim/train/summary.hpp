@@ -25,6 +25,9 @@ std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
 // used few times; else empty.
 std::string steps_in_words(const Scene& scene, const ScheduleOptions& schedule);
 
+// One line if training cameras get colours of their own; else empty.
+std::string colors_in_words(const Scene& scene, const TrainOptions& config);
+
 // Warns of settings that the scene or another setting makes ineffective.
 void warn_of_idle_settings(const Scene& scene, const TrainOptions& config);
 

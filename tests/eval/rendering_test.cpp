@@ -147,7 +147,7 @@ TEST(Views, CamerasComeBackFromTheJsonOfARun) {
   const Made made;
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  run.write_cameras(made.loaded.scene);
+  run.write_cameras(made.loaded.scene, 0.25f);
   const std::vector<Camera> back = read_cameras_json(run.path("cameras.json"), 1);
   ASSERT_EQ(back.size(), 4u);
   for (size_t i = 0; i < 4; ++i) {
@@ -155,6 +155,7 @@ TEST(Views, CamerasComeBackFromTheJsonOfARun) {
     EXPECT_EQ(back[i].name, camera.name);
     EXPECT_EQ(back[i].width, camera.width);
     EXPECT_EQ(back[i].fx, camera.fx);
+    EXPECT_EQ(back[i].near, 0.25);
     EXPECT_LT((back[i].viewmat - camera.viewmat).cwiseAbs().maxCoeff(), 1e-12);
   }
   EXPECT_EQ(read_cameras_json(run.path("cameras.json"), 2)[0].width, 24);

@@ -53,7 +53,20 @@ TEST_F(ValidationTest, WarnsOnceWhenItFallsWhileTrainingViewsImprove) {
   const std::string sentence = validation.warning({26.3, 31}, 5000);
   EXPECT_NE(sentence.find("from 27.0 dB after 2000 steps to 26.3 dB"), std::string::npos)
       << sentence;
-  EXPECT_EQ(validation.warning({25, 33}, 6000), "");
+  EXPECT_EQ(validation.warning({26.2, 32}, 6000), "");
+}
+
+TEST_F(ValidationTest, WarnsOnceWhenTheGapToTrainingViewsOpens) {
+  const TrainOptions options = config();
+  const LoadedScene loaded = load_scene(options.scene, "");
+  Validation validation(queue(), options, loaded);
+  EXPECT_EQ(validation.warning({20, 25}, 1000), "");
+  EXPECT_EQ(validation.warning({21, 27.5}, 2000), "");  // wide, but from the start
+  const std::string sentence = validation.warning({21.2, 29}, 3000);
+  EXPECT_NE(sentence.find("reach 21.2 dB after 3000 steps, trained ones 29.0 dB"),
+            std::string::npos)
+      << sentence;
+  EXPECT_EQ(validation.warning({21.3, 32}, 4000), "");
 }
 
 }  // namespace
