@@ -1,11 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hexplane motion model on the device (formulas and layouts: shared/motion/hexplane.h). CPUs
-// process a block of Gaussians at once, so that each weight read serves all of them, with LANES
-// channels or neurons per vector; GPUs process one Gaussian per work-item. Forward keeps no
-// activations: backward recomputes them. Sums over Gaussians are made per chunk, each into memory
-// of its own, then over the chunks in order: bitwise repeatable, without atomics.
-#include "motion/hexplane_network.cl"
+// The hexplane motion model on the device (formulas and layouts: shared/motion/hexplane.h). Blocks
+// of Gaussians and sums over chunks are as in network.cl.
+#include "motion/hexplane_planes.cl"
+#include "motion/network.cl"
 #include "shared/motion/canonical_rows.h"
+
+// For the Gaussians rows[0 .. count - 1]; the remaining entries of the block repeat the last one.
+static inline void field_fwd(const uint* rows, int count, HexplaneGrid grid,
+                             global const float* means, global const float* planes,
+                             global const float* lines, global const float* network,
+                             Activations* a) {
+  for (int b = 0; b < BLOCK; ++b) {
+    const real3 mean = load3(means, rows[min(b, count - 1)]);
+    for (int level = 0; level < LEVELS; ++level) {
+      const Corner c = corner_of(mean, grid, level);
+      for (int part = 0; part < PARTS; ++part)
+        ROW_STORE(features_of(grid, level, c, part, planes, lines),
+                  a->features + b * FEATURES + level * CHANNELS + part * LANES);
+    }
+  }
+  network_fwd(network, a);
+}
 
 static inline Shift shift_of(const float* o, HexplaneGrid grid) {
   Shift d;
@@ -47,7 +62,7 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
                             opacities_at))
       rows[count++] = i;
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
-    network_fwd(rows, count, grid, means, planes, lines, network, &a);
+    field_fwd(rows, count, grid, means, planes, lines, network, &a);
     for (int b = 0; b < count; ++b)
       store_shifted(rows[b],
                     shifted_at(load_canonical(rows[b], CANONICAL_ROWS),
@@ -74,18 +89,17 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
                          global float* restrict kept) {      // [N, KEPT]; GPU
   const uint chunk = get_global_id(0), begin = chunk * length, end = min(n, begin + length);
   Activations a;
-  float v_out[BLOCK * OUTPUTS], v_in[BLOCK * HIDDEN], v_next[BLOCK * HIDDEN];
-  float v_x[BLOCK * FEATURES];
+  float v_out[BLOCK * OUTPUTS], v_x[BLOCK * FEATURES];
   uint rows[BLOCK];
   int count = 0;
-#if LANES > 1
   global float* v_network = v_networks + (size_t)chunk * WEIGHTS;
+#if LANES > 1
   for (uint w = 0; w < WEIGHTS; w += LANES) ROW_STORE(TO_LANE(0.f), v_network + w);
 #endif
   for (uint i = begin; i < end; ++i) {
     if (tiles_touched[i] != 0) rows[count++] = i;
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
-    network_fwd(rows, count, grid, means, planes, lines, network, &a);
+    field_fwd(rows, count, grid, means, planes, lines, network, &a);
     for (int k = 0; k < BLOCK * OUTPUTS; ++k) v_out[k] = 0.f;
     for (int b = 0; b < count; ++b) {
       const uint row = rows[b];
@@ -103,36 +117,7 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
       if (!is_finite_real(sum))
         for (int k = 0; k < OUTPUTS; ++k) v_out[b * OUTPUTS + k] = 0.f;
     }
-#if LANES == 1
-    global float* keep = kept + (size_t)rows[0] * KEPT;
-    for (int k = 0; k < FEATURES; ++k) keep[k] = a.features[k];
-    for (int k = 0; k < LAYERS * HIDDEN; ++k) keep[FEATURES + k] = a.hidden[k / HIDDEN][k % HIDDEN];
-    keep += KEPT_INPUTS;
-    for (int k = 0; k < OUTPUTS; ++k) keep[LAYERS * HIDDEN + k] = v_out[k];
-#else
-    layer_bwd_weights(a.hidden[LAYERS - 1], HIDDEN, v_out, OUTPUTS,
-                      v_network + LAYER_START(LAYERS));
-#endif
-    layer_fwd(v_out, OUTPUTS, transposed + LAYER_START(LAYERS), HIDDEN, 0, v_in);
-    for (int layer = LAYERS - 1; layer >= 0; --layer) {
-      const float* out = a.hidden[layer];
-      for (int k = 0; k < BLOCK * HIDDEN; k += LANES)
-        ROW_STORE(LANE_SELECT(TO_LANE(0.f), ROW_LOAD(v_in + k), ROW_LOAD(out + k) > TO_LANE(0.f)),
-                  v_in + k);
-#if LANES == 1
-      for (int k = 0; k < HIDDEN; ++k) keep[layer * HIDDEN + k] = v_in[k];
-#endif
-      if (layer == 0) break;
-#if LANES > 1
-      layer_bwd_weights(a.hidden[layer - 1], HIDDEN, v_in, HIDDEN, v_network + LAYER_START(layer));
-#endif
-      layer_fwd(v_in, HIDDEN, transposed + LAYER_START(layer), HIDDEN, 0, v_next);
-      for (int k = 0; k < BLOCK * HIDDEN; k += LANES) ROW_STORE(ROW_LOAD(v_next + k), v_in + k);
-    }
-#if LANES > 1
-    layer_bwd_weights(a.features, FEATURES, v_in, HIDDEN, v_network);
-#endif
-    layer_fwd(v_in, HIDDEN, transposed, FEATURES, 0, v_x);
+    network_bwd(&a, v_out, transposed, v_network, kept + (size_t)rows[0] * KEPT, v_x);
     for (int b = 0; b < count; ++b)
       for (int k = 0; k < FEATURES; k += LANES)
         ROW_STORE(ROW_LOAD(v_x + b * FEATURES + k), v_features + (size_t)rows[b] * FEATURES + k);

@@ -12,8 +12,8 @@
 #define LAYERS 2
 #define TURN 1
 #define RESIZE 1
+#define FEATURES 32
 #endif
-#define FEATURES (LEVELS * CHANNELS)
 #define PARTS (CHANNELS / LANES)          // vectors per level
 #define FEATURE_PARTS (FEATURES / LANES)  // of all levels
 

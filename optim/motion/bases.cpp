@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "optim/motion/farthest_points.hpp"
 #include "optim/motion/motion_options.hpp"
 #include "runtime/cl/chunks.hpp"
 #include "shared/motion/bases.h"
@@ -13,15 +14,6 @@ namespace {
 
 constexpr size_t kPose = 7;
 constexpr float kLeastLogit = -10;  // of a Gaussian that follows no basis
-
-double squared_distance(const std::vector<float>& xyz, size_t i, size_t j) {
-  double sum = 0;
-  for (size_t c = 0; c < 3; ++c) {
-    const double d = double(xyz[3 * i + c]) - double(xyz[3 * j + c]);
-    sum += d * d;
-  }
-  return sum;
-}
 
 }  // namespace
 
@@ -39,21 +31,12 @@ void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
   const std::vector<float>& means = groups.at("means");
   const size_t n = means.size() / 3, bases = size_t(shape.bases);
   if (n == 0) return;
-  if (first >= n) first = 0;
-  // Farthest-point sampling of the pivots.
-  std::vector<size_t> chosen{first};
-  std::vector<double> nearest(n, std::numeric_limits<double>::max());
-  double spacing = 0;
-  for (size_t b = 1; b <= bases; ++b) {  // b = bases: spacing of a single pivot
-    size_t farthest = first;
-    for (size_t i = first; i < n; ++i) {
-      nearest[i] = std::min(nearest[i], squared_distance(means, i, chosen.back()));
-      if (nearest[i] > nearest[farthest]) farthest = i;
-    }
-    if (b == bases && bases > 1) break;
-    spacing = nearest[farthest];  // squared, of the last pivot
-    if (b < bases) chosen.push_back(farthest);
-  }
+  // The spacing is that of the next point, so that a single pivot has one.
+  std::vector<size_t> chosen = farthest_points(means, first, bases + (bases == 1));
+  double spacing = std::numeric_limits<double>::max();
+  for (size_t b = 0; b + 1 < chosen.size(); ++b)
+    spacing = std::min(spacing, squared_distance(means, chosen[b], chosen.back()));
+  chosen.resize(bases, chosen[0]);
   spacing = std::max(spacing, 1e-12);
   for (size_t b = 0; b < bases; ++b)
     for (size_t c = 0; c < 3; ++c) groups["pivots"][3 * b + c] = means[3 * chosen[b] + c];

@@ -17,11 +17,8 @@ constexpr size_t kGroup = 64;
 uint planes_rows(const HexplaneShape& s) {
   return hexplane_level_start(uint(s.resolution), uint(s.times), s.levels);
 }
-uint weights_before_last(const HexplaneShape& s) {
-  return hexplane_weights(uint(s.levels * s.channels), uint(s.hidden), s.layers);
-}
-uint all_weights(const HexplaneShape& s) {
-  return weights_before_last(s) + uint(s.hidden + 1) * HEXPLANE_OUTPUTS;
+NetworkShape network_of(const HexplaneShape& s) {
+  return {s.levels * s.channels, s.hidden, s.layers};
 }
 
 // Returns the shape; Error if a number of it is out of range.
@@ -45,8 +42,12 @@ const HexplaneShape& checked(const HexplaneShape& s) {
 }
 
 Defines defines(const HexplaneShape& s) {
-  return {{"LEVELS", s.levels}, {"CHANNELS", s.channels}, {"HIDDEN", s.hidden},
-          {"LAYERS", s.layers}, {"TURN", int(s.turn)},    {"RESIZE", int(s.resize)}};
+  Defines all = network_defines(network_of(s));
+  all.insert(all.end(), {{"LEVELS", s.levels},
+                         {"CHANNELS", s.channels},
+                         {"TURN", int(s.turn)},
+                         {"RESIZE", int(s.resize)}});
+  return all;
 }
 
 // Chunks of Gaussians, each with its own copy of the planes' gradients. Few, because the copies
@@ -70,12 +71,10 @@ HexplaneGrid grid_of(const HexplaneShape& s) {
 
 std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape) {
   const HexplaneShape& s = checked(shape);
-  TableSpec planes, network;
+  TableSpec planes;
   planes.groups = {{"planes", size_t(s.channels), Quantity::plane, 0, true}};
   planes.rows = planes_rows(s);
-  network.groups = {{"network", 1, Quantity::network, 0, true}};
-  network.rows = all_weights(s);
-  return {planes, network};
+  return {planes, network_table(network_of(s))};
 }
 
 void set_hexplane_static(const HexplaneShape& s, HostGroups& groups, uint32_t seed) {
@@ -88,22 +87,11 @@ void set_hexplane_static(const HexplaneShape& s, HostGroups& groups, uint32_t se
     for (size_t i = first; i < first + 3 * r * r * channels; ++i)
       planes[i] = float(0.1 + 0.4 * random_uniform(seed, streams::kPlanes, uint(i)));
   }
-  std::vector<float>& network = groups["network"];
-  network.assign(all_weights(s), 0.f);
-  size_t w = 0;
-  for (int layer = 0; layer < s.layers; ++layer) {
-    const size_t inputs = size_t(layer ? s.hidden : s.levels * s.channels);
-    const double bound = std::sqrt(6.0 / double(inputs));
-    for (const size_t end = w + inputs * size_t(s.hidden); w < end; ++w)
-      network[w] = float(bound * (2 * random_uniform(seed, streams::kNetwork, uint(w)) - 1));
-    w += size_t(s.hidden);  // biases
-  }
+  groups["network"] = first_weights(network_of(s), seed);
 }
 
 bool is_hexplane_static(const HexplaneShape& s, const HostGroups& groups) {
-  const std::vector<float>& network = groups.at("network");
-  return std::all_of(network.begin() + long(weights_before_last(s)), network.end(),
-                     [](float x) { return x == 0; });
+  return gives_zero(network_of(s), groups.at("network"));
 }
 
 void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack) {
@@ -125,19 +113,16 @@ HexplaneMotion::HexplaneMotion(Queue& queue, const MotionShape& shape)
       duration_(shape.duration),
       sigmas_(window_sigmas(shape.cutoff)),
       lanes_(size_t(queue.lanes)),
-      weights_(all_weights(shape_)),
       cells_(hexplane_level_start(uint(shape_.resolution), 1, shape_.levels)),
       program_(queue, "motion/hexplane.cl", defines(shape_)),
       hexplane_cut_(program_, "hexplane_slice"),
       hexplane_fwd_(program_, "hexplane_fwd"),
-      hexplane_transpose_(program_, "hexplane_transpose"),
       hexplane_bwd_(program_, "hexplane_bwd"),
-      hexplane_bwd_network_(program_, "hexplane_bwd_network"),
       hexplane_bwd_planes_(program_, "hexplane_bwd_planes"),
       hexplane_bwd_means_(program_, "hexplane_bwd_means"),
       hexplane_sum_planes_(program_, "hexplane_sum_planes"),
-      hexplane_sum_network_(program_, "hexplane_sum_network"),
       hexplane_regularize_(program_, "hexplane_regularize"),
+      network_(program_, network_of(shape_), queue.lanes),
       canonical_rows_(queue) {}
 
 HexplaneMotion::TimePlace HexplaneMotion::cut(Queue& queue, const Parameters& p, float t) {
@@ -173,28 +158,18 @@ void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   const size_t n = p.count, features = size_t(shape_.levels * shape_.channels);
   const bool gpu = lanes_ == 1;
   const TimePlace place = cut(queue, p, t);
-  transposed_.ensure(queue, weights_);
-  hexplane_transpose_(queue, Range::over(weights_, kGroup), p["network"].values, transposed_);
-
   const Chunks chunks = network_chunks(queue, n);
-  const size_t kept = features + 2 * size_t(shape_.layers * shape_.hidden) + HEXPLANE_OUTPUTS;
   v_features_.ensure(queue, n * features);
-  v_networks_.ensure(queue, chunks.count * weights_);
-  kept_.ensure(queue, gpu ? n * kept : 0);
+  network_.begin(queue, p["network"].values, n, chunks);
   hexplane_bwd_(queue, gpu ? Range::over(n, kGroup) : Range::groups(chunks.count, 1), cl_uint(n),
                 gpu ? 1u : chunks.length, t, int(first), grid_, p["means"].values,
                 p["means_t"].values, p["quats"].values, p["log_scales"].values,
                 p["logit_opacities"].values, p["planes"].values, lines_, p["network"].values,
-                transposed_, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
+                network_.transposed(), tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
                 p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
-                p["logit_opacities"].grads, v_features_, v_networks_, kept_);
-  if (gpu)
-    hexplane_bwd_network_(queue, Range::groups(chunks.count * weights_, 1), cl_uint(n),
-                          chunks.length, tiles_touched, kept_, v_networks_);
-  Table &planes = p.more[0], &network = p.more[1];
-  hexplane_sum_network_(queue, Range::over(weights_, kGroup), chunks.count, v_networks_,
-                        network.rows.seen, p["network"].grads);
-  network.active = {0, weights_};
+                p["logit_opacities"].grads, v_features_, network_.sums(), network_.kept());
+  network_.finish(queue, tiles_touched, p.more[1]);
+  Table& planes = p.more[0];
 
   const Chunks copies = plane_chunks(queue, n);
   const size_t parts = features / lanes_;

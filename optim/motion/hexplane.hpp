@@ -7,6 +7,7 @@
 #pragma once
 #include "optim/motion/canonical_rows.hpp"
 #include "optim/motion/models.hpp"
+#include "optim/motion/network.hpp"
 #include "shared/motion/hexplane.h"
 
 GFLOW_KERNEL_STRUCT(HexplaneGrid);
@@ -19,7 +20,7 @@ HexplaneGrid grid_of(const HexplaneShape& shape);
 std::vector<TableSpec> hexplane_tables(const HexplaneShape& shape);
 
 // Initialises both so that nothing moves: time planes 1, space planes uniform in [0.1, 0.5] as in
-// 4DGaussians, hidden layers uniform in +-sqrt(6 / inputs) (He et al. 2015), last layer 0.
+// 4DGaussians, the network as first_weights().
 void set_hexplane_static(const HexplaneShape& shape, HostGroups& groups, uint32_t seed);
 
 // Whether the last layer is 0.
@@ -61,33 +62,30 @@ class HexplaneMotion : public Motion {
   HexplaneShape shape_;
   HexplaneGrid grid_;
   float duration_, sigmas_;
-  size_t lanes_, weights_, cells_;  // cells_: cells of all planes at one time
+  size_t lanes_, cells_;  // cells_: cells of all planes at one time
   Program program_;
   Kernel<HexplaneGrid, cl_int, cl_float, In<float>, Out<float>> hexplane_cut_;
   Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, HexplaneGrid, In<cl_uint>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
          Out<float>, Out<float>>
       hexplane_fwd_;
-  Kernel<In<float>, Out<float>> hexplane_transpose_;
   Kernel<cl_uint, cl_uint, cl_float, cl_int, HexplaneGrid, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
          In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>, Out<float>, Out<float>>
       hexplane_bwd_;
-  Kernel<cl_uint, cl_uint, In<cl_uint>, In<float>, Out<float>> hexplane_bwd_network_;
   Kernel<cl_uint, cl_uint, HexplaneGrid, In<cl_uint>, In<float>, In<float>, In<float>, In<float>,
          Out<float>, Out<float>>
       hexplane_bwd_planes_;
   Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> hexplane_bwd_means_;
   Kernel<cl_uint, HexplaneGrid, cl_int, cl_float, In<float>, Out<cl_uint>, Out<float>>
       hexplane_sum_planes_;
-  Kernel<cl_uint, In<float>, Out<cl_uint>, Out<float>> hexplane_sum_network_;
   Kernel<HexplaneGrid, cl_float, cl_float, cl_float, In<float>, Out<cl_uint>, Out<float>>
       hexplane_regularize_;
+  NetworkBackward network_;
   CanonicalRows canonical_rows_;
-  Buffer<float> lines_{"hexplane lines"}, transposed_{"hexplane transposed"};
-  Buffer<float> v_features_{"v_features"}, v_places_{"v_places"}, kept_{"hexplane kept"};
-  Buffer<float> v_networks_{"v_networks"}, v_cuts_{"v_slices"};
+  Buffer<float> lines_{"hexplane lines"}, v_cuts_{"v_slices"};
+  Buffer<float> v_features_{"v_features"}, v_places_{"v_places"};
 };
 
 }  // namespace gflow

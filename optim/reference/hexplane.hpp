@@ -3,6 +3,7 @@
 // features, network, shift, and their derivatives; and the regularisation of the planes.
 #pragma once
 #include "optim/motion/hexplane_options.hpp"
+#include "optim/reference/network.hpp"
 #include "optim/reference/parameters.hpp"
 #include "shared/motion/hexplane.h"
 #include "shared/motion/shifted.h"
@@ -101,29 +102,16 @@ inline double hexplane_factor(const HexplaneLevel& level, const std::vector<Hexp
 inline std::vector<std::vector<double>> hexplane_layers(const HexplaneShape& shape, double duration,
                                                         const Named& p, const double (&mean)[3],
                                                         double t) {
-  std::vector<std::vector<double>> x(1);
+  std::vector<double> features;
   for (const HexplaneLevel& level : hexplane_levels(shape, p.at("planes"))) {
     const auto terms = hexplane_terms(level, mean, t / duration);
     for (size_t c = 0; c < size_t(shape.channels); ++c) {
       double product = 1;
       for (const auto& factor : terms) product *= hexplane_factor(level, factor, c);
-      x[0].push_back(product);
+      features.push_back(product);
     }
   }
-  const std::vector<double>& w = p.at("network");
-  size_t next = 0;
-  for (int layer = 0; layer <= shape.layers; ++layer) {
-    const std::vector<double>& in = x.back();
-    std::vector<double> out(layer == shape.layers ? HEXPLANE_OUTPUTS : size_t(shape.hidden));
-    for (size_t j = 0; j < out.size(); ++j) {
-      double sum = w[next + in.size() * out.size() + j];
-      for (size_t k = 0; k < in.size(); ++k) sum += in[k] * w[next + k * out.size() + j];
-      out[j] = layer == shape.layers ? sum : std::max(sum, 0.0);
-    }
-    next += (in.size() + 1) * out.size();
-    x.push_back(out);
-  }
-  return x;
+  return network_layers(shape.hidden, shape.layers, p.at("network"), features);
 }
 
 inline Shift hexplane_shift(const HexplaneShape& shape, double duration, const Named& p, real3 mean,
@@ -150,7 +138,7 @@ inline HexplaneGradient hexplane_vjp(const HexplaneShape& shape, double duration
   const double place[3] = {mean.x, mean.y, mean.z};
   const auto x = hexplane_layers(shape, duration, p, place, t);
   const std::vector<double>&w = p.at("network"), &o = x.back();
-  std::vector<double> v_out(HEXPLANE_OUTPUTS, 0.0);
+  std::vector<double> v_out(NETWORK_OUTPUTS, 0.0);
   const double v_mean[3] = {v.mean.x, v.mean.y, v.mean.z};
   for (size_t k = 0; k < 3; ++k) v_out[k] = double(shape.half_size[k]) * v_mean[k];
   const double v_quat[4] = {v.quat.x, v.quat.y, v.quat.z, v.quat.w};
@@ -161,20 +149,7 @@ inline HexplaneGradient hexplane_vjp(const HexplaneShape& shape, double duration
 
   HexplaneGradient g{std::vector<double>(p.at("planes").size()), std::vector<double>(w.size()),
                      std::vector<double>(3)};
-  size_t next = w.size();
-  for (size_t layer = x.size() - 1; layer-- > 0;) {
-    const std::vector<double>& in = x[layer];
-    next -= (in.size() + 1) * v_out.size();
-    std::vector<double> v_in(in.size());
-    for (size_t j = 0; j < v_out.size(); ++j) {
-      g.network[next + in.size() * v_out.size() + j] = v_out[j];
-      for (size_t k = 0; k < in.size(); ++k) {
-        g.network[next + k * v_out.size() + j] = in[k] * v_out[j];
-        if (layer == 0 || in[k] > 0) v_in[k] += w[next + k * v_out.size() + j] * v_out[j];
-      }
-    }
-    v_out = v_in;
-  }
+  v_out = network_vjp(w, x, v_out, g.network);
   size_t feature = 0;
   for (const HexplaneLevel& level : hexplane_levels(shape, p.at("planes"))) {
     const auto terms = hexplane_terms(level, place, t / duration);

@@ -106,7 +106,7 @@ TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
   Named p;
   for (const char* name : {"planes", "network"})
     p[name] = std::vector<double>(groups[name].begin(), groups[name].end());
-  std::fill(p["network"].end() - HEXPLANE_OUTPUTS, p["network"].end(), 1e6);  // the last biases
+  std::fill(p["network"].end() - NETWORK_OUTPUTS, p["network"].end(), 1e6);  // the last biases
   const Shift d = reference::hexplane_shift(shape.hexplane, 2, p, {0, 0, 0}, 1);
   EXPECT_EQ(d.log_scales.x, HEXPLANE_MAX_LOG_SCALE);
   Queue queue = test_queue();
@@ -172,9 +172,9 @@ TEST(Hexplane, ANewModelIsStaticAndOneWeightOfTheLastLayerMovesIt) {
   EXPECT_EQ(shift().y, 0);
   p["network"].back() = 9;  // an unused column
   EXPECT_EQ(shift().y, 0);
-  p["network"][p["network"].size() - HEXPLANE_OUTPUTS + 1] = 2;  // the bias of y
+  p["network"][p["network"].size() - NETWORK_OUTPUTS + 1] = 2;  // the bias of y
   EXPECT_EQ(shift().y, 3);
-  groups["network"][groups["network"].size() - HEXPLANE_OUTPUTS + 1] = 2;
+  groups["network"][groups["network"].size() - NETWORK_OUTPUTS + 1] = 2;
   EXPECT_FALSE(is_static(shape, groups));
 }
 

@@ -3,9 +3,7 @@
 // Six planes of features over the pairs of x y z t, at each of L levels, are read bilinearly at a
 // Gaussian's canonical mean and the time, and multiplied within a level:
 //   f_l = XY_l(x, y) XZ_l(x, z) YZ_l(y, z) XT_l(x, t) YT_l(y, t) ZT_l(z, t)   [C channels]
-// The levels, concatenated, are the input of a network with one or more hidden layers:
-//   h = relu(W_0 f + b_0),  h = relu(W_k h + b_k) ...,  o = W h + b
-// Its output is the shift: mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3).
+// The levels, concatenated, are the input of a network (network.h). Its output o is the shift: mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3).
 // The tanh limits the change of a size to e^3 = 20 times: without it, sizes of 1e28 and 0 occur
 // where no image constrains the field.
 //
@@ -13,14 +11,10 @@
 // the box are cell centres; places outside use the nearest place inside. Rows of the planes, level
 // by level: XY [y][x], XZ [z][x], YZ [z][y], then the time planes, [time][axis][cell]. At a fixed
 // time these reduce to three lines per level.
-//
-// Weights of a layer: [inputs + 1][outputs], the last row the bias; layers one after the other. The
-// last layer has HEXPLANE_OUTPUTS columns, of which the first ten are used.
 #ifndef GFLOW_HEXPLANE_H
 #define GFLOW_HEXPLANE_H
 #include "shared/dialect.h"
 
-#define HEXPLANE_OUTPUTS 16
 #define HEXPLANE_MAX_LOG_SCALE 3
 
 typedef struct HexplaneGrid {
@@ -65,11 +59,6 @@ static inline real log_scale_change(real output) {
 static inline real log_scale_change_slope(real change) {
   const real share = change / (real)HEXPLANE_MAX_LOG_SCALE;
   return (real)1 - share * share;
-}
-
-// Number of weights of the first `layers` layers, all hidden; the next one's start there.
-static inline uint hexplane_weights(uint features, uint hidden, int layers) {
-  return layers == 0 ? 0 : (features + 1) * hidden + ((uint)layers - 1) * (hidden + 1) * hidden;
 }
 
 #endif

@@ -1,11 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The network of the hexplane motion model on a block of Gaussians: forward, and the gradients of its
-// weights. Vectors hold LANES neurons.
-#include "motion/hexplane_planes.cl"
+// A network of a motion model (shared/motion/network.h) on a block of inputs: forward, backward, and
+// the gradients of its weights. Part of hexplane.cl and nodes.cl, which define FEATURES, HIDDEN and
+// LAYERS. Vectors hold LANES neurons. CPUs process a block at once, so that each weight read serves
+// all of it; GPUs one input per work-item. Forward keeps no activations: backward recomputes them.
+// Sums of gradients are made per chunk, each into memory of its own, then over the chunks in order:
+// bitwise repeatable, without atomics.
+#include "shared/lane_row.h"
+#include "shared/motion/network.h"
 
-#define OUTPUTS HEXPLANE_OUTPUTS
+#ifndef FEATURES  // only for the syntax check; the host always defines them
+#define FEATURES 32
+#define HIDDEN 64
+#define LAYERS 2
+#endif
+#define OUTPUTS NETWORK_OUTPUTS
 #if LANES == 1
-#define BLOCK 1  // Gaussians at once
+#define BLOCK 1  // inputs at once
 #define ROWS 1   // of these, rows held in registers by a layer, two vectors each
 #else
 #define BLOCK 32
@@ -69,7 +79,7 @@ static inline void layer_bwd_weights(const float* in, const int inputs, const fl
 }
 #endif
 
-#define LAYER_START(layer) hexplane_weights(FEATURES, HIDDEN, layer)
+#define LAYER_START(layer) network_weights(FEATURES, HIDDEN, layer)
 #define LAYER_INPUTS(layer) ((layer) == 0 ? FEATURES : HIDDEN)
 #define LAYER_OUTPUTS(layer) ((layer) == LAYERS ? OUTPUTS : HIDDEN)
 #define WEIGHTS (LAYER_START(LAYERS) + (HIDDEN + 1) * OUTPUTS)
@@ -81,20 +91,8 @@ typedef struct Activations {
   float outputs[BLOCK * OUTPUTS];
 } Activations;
 
-// For the Gaussians rows[0 .. count - 1]; the remaining entries of the block repeat the last one.
-static inline void network_fwd(const uint* rows, int count, HexplaneGrid grid,
-                               global const float* means, global const float* planes,
-                               global const float* lines, global const float* network,
-                               Activations* a) {
-  for (int b = 0; b < BLOCK; ++b) {
-    const real3 mean = load3(means, rows[min(b, count - 1)]);
-    for (int level = 0; level < LEVELS; ++level) {
-      const Corner c = corner_of(mean, grid, level);
-      for (int part = 0; part < PARTS; ++part)
-        ROW_STORE(features_of(grid, level, c, part, planes, lines),
-                  a->features + b * FEATURES + level * CHANNELS + part * LANES);
-    }
-  }
+// The outputs of a->features.
+static inline void network_fwd(global const float* network, Activations* a) {
   layer_fwd(a->features, FEATURES, network, HIDDEN, 1, a->hidden[0]);
   for (int layer = 1; layer <= LAYERS; ++layer) {
     float* in = a->hidden[layer - 1];
@@ -107,7 +105,7 @@ static inline void network_fwd(const uint* rows, int count, HexplaneGrid grid,
 }
 
 // The weights of each layer as [outputs][inputs], without bias. One work-item per weight.
-kernel void hexplane_transpose(global const float* restrict network,
+kernel void network_transpose(global const float* restrict network,
                                global float* restrict transposed) {
   const uint w = get_global_id(0);
   if (w >= WEIGHTS) return;
@@ -118,16 +116,51 @@ kernel void hexplane_transpose(global const float* restrict network,
   if (k < inputs) transposed[start + j * inputs + k] = network[w];
 }
 
-// Floats that a GPU stores per Gaussian for hexplane_bwd_network: inputs of all layers, then the
+// Floats that a GPU stores per input for network_bwd_weights: inputs of all layers, then the
 // gradients of their outputs.
 #define KEPT_INPUTS (FEATURES + LAYERS * HIDDEN)
 #define KEPT (KEPT_INPUTS + LAYERS * HIDDEN + OUTPUTS)
 
-// GPU: each weight's gradient from `length` Gaussians. One work-item per weight and chunk.
-kernel void hexplane_bwd_network(const uint n, const uint length,
-                                 global const uint* restrict tiles_touched,
-                                 global const float* restrict kept,    // [N, KEPT]
-                                 global float* restrict v_networks) {  // [chunks, WEIGHTS]
+// From the gradients of the outputs to those of the features, v_x, and of the weights: a CPU adds
+// the latter to v_network, a GPU stores their factors in `keep`.
+static inline void network_bwd(Activations* a, float* v_out, global const float* transposed,
+                               global float* v_network, global float* keep, float* v_x) {
+  float v_in[BLOCK * HIDDEN], v_next[BLOCK * HIDDEN];
+#if LANES == 1
+  for (int k = 0; k < FEATURES; ++k) keep[k] = a->features[k];
+  for (int k = 0; k < LAYERS * HIDDEN; ++k) keep[FEATURES + k] = a->hidden[k / HIDDEN][k % HIDDEN];
+  keep += KEPT_INPUTS;
+  for (int k = 0; k < OUTPUTS; ++k) keep[LAYERS * HIDDEN + k] = v_out[k];
+#else
+  layer_bwd_weights(a->hidden[LAYERS - 1], HIDDEN, v_out, OUTPUTS, v_network + LAYER_START(LAYERS));
+#endif
+  layer_fwd(v_out, OUTPUTS, transposed + LAYER_START(LAYERS), HIDDEN, 0, v_in);
+  for (int layer = LAYERS - 1; layer >= 0; --layer) {
+    const float* out = a->hidden[layer];
+    for (int k = 0; k < BLOCK * HIDDEN; k += LANES)
+      ROW_STORE(LANE_SELECT(TO_LANE(0.f), ROW_LOAD(v_in + k), ROW_LOAD(out + k) > TO_LANE(0.f)),
+                v_in + k);
+#if LANES == 1
+    for (int k = 0; k < HIDDEN; ++k) keep[layer * HIDDEN + k] = v_in[k];
+#endif
+    if (layer == 0) break;
+#if LANES > 1
+    layer_bwd_weights(a->hidden[layer - 1], HIDDEN, v_in, HIDDEN, v_network + LAYER_START(layer));
+#endif
+    layer_fwd(v_in, HIDDEN, transposed + LAYER_START(layer), HIDDEN, 0, v_next);
+    for (int k = 0; k < BLOCK * HIDDEN; k += LANES) ROW_STORE(ROW_LOAD(v_next + k), v_in + k);
+  }
+#if LANES > 1
+  layer_bwd_weights(a->features, FEATURES, v_in, HIDDEN, v_network);
+#endif
+  layer_fwd(v_in, HIDDEN, transposed, FEATURES, 0, v_x);
+}
+
+// GPU: each weight's gradient from `length` inputs. One work-item per weight and chunk.
+kernel void network_bwd_weights(const uint n, const uint length,
+                                global const uint* restrict used,     // [N]
+                                global const float* restrict kept,    // [N, KEPT]
+                                global float* restrict v_networks) {  // [chunks, WEIGHTS]
   const uint id = get_global_id(0), w = id % WEIGHTS, begin = id / WEIGHTS * length;
   const uint end = min(n, begin + length);
   int layer = 0;
@@ -138,7 +171,7 @@ kernel void hexplane_bwd_network(const uint n, const uint length,
   const uint out = KEPT_INPUTS + layer * HIDDEN + j;
   float sum = 0.f;
   for (uint i = begin; i < end; ++i) {
-    if (tiles_touched[i] == 0) continue;
+    if (used[i] == 0) continue;
     global const float* keep = kept + (size_t)i * KEPT;
     sum = fma(k == LAYER_INPUTS(layer) ? 1.f : keep[in], keep[out], sum);
   }
@@ -146,7 +179,7 @@ kernel void hexplane_bwd_network(const uint n, const uint length,
 }
 
 // Sums the chunks' gradients of the weights. One work-item per weight.
-kernel void hexplane_sum_network(const uint chunks, global const float* restrict v_networks,
+kernel void network_sum(const uint chunks, global const float* restrict v_networks,
                                  global uint* restrict seen, global float* restrict v_network) {
   const uint w = get_global_id(0);
   if (w >= WEIGHTS) return;
