@@ -1,26 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hexplane motion model on the device (formulas and layouts: shared/motion/hexplane.h). Blocks
 // of Gaussians and sums over chunks are as in network.cl.
-#include "motion/hexplane_planes.cl"
-#include "motion/network.cl"
+#include "motion/plane_field.cl"
 #include "shared/motion/canonical_rows.h"
-
-// For the Gaussians rows[0 .. count - 1]; the remaining entries of the block repeat the last one.
-static inline void field_fwd(const uint* rows, int count, HexplaneGrid grid,
-                             global const float* means, global const float* planes,
-                             global const float* lines, global const float* network,
-                             Activations* a) {
-  for (int b = 0; b < BLOCK; ++b) {
-    const real3 mean = load3(means, rows[min(b, count - 1)]);
-    for (int level = 0; level < LEVELS; ++level) {
-      const Corner c = corner_of(mean, grid, level);
-      for (int part = 0; part < PARTS; ++part)
-        ROW_STORE(features_of(grid, level, c, part, planes, lines),
-                  a->features + b * FEATURES + level * CHANNELS + part * LANES);
-    }
-  }
-  network_fwd(network, a);
-}
 
 static inline Shift shift_of(const float* o, HexplaneGrid grid) {
   Shift d;

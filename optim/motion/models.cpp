@@ -10,6 +10,7 @@
 #include "optim/motion/keyframes.hpp"
 #include "optim/motion/motion_options.hpp"
 #include "optim/motion/native4d.hpp"
+#include "optim/motion/nodes.hpp"
 #include "optim/motion/spacetime.hpp"
 
 namespace gflow {
@@ -17,8 +18,9 @@ namespace {
 
 // In the order of MotionModelKind.
 std::vector<const MotionModel*>& models() {
-  static std::vector<const MotionModel*> all = {
-      &spacetime_model(), &native4d_model(), &keyframes_model(), &bases_model(), &hexplane_model()};
+  static std::vector<const MotionModel*> all = {&spacetime_model(), &native4d_model(),
+                                                &keyframes_model(), &bases_model(),
+                                                &hexplane_model(),  &nodes_model()};
   return all;
 }
 

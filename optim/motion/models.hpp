@@ -17,7 +17,7 @@
 namespace gflow {
 
 // Number of a model in the table. gflow's own models have names here; registered ones follow.
-enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane };
+enum class MotionModelKind { spacetime, native4d, keyframes, bases, hexplane, nodes };
 
 struct MotionOptions;
 struct MotionShape;

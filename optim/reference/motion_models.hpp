@@ -8,6 +8,7 @@
 #include "optim/motion/keys.hpp"
 #include "optim/motion/models.hpp"
 #include "optim/reference/hexplane.hpp"
+#include "optim/reference/nodes.hpp"
 #include "optim/reference/spacetime.hpp"
 #include "runtime/base/error.hpp"
 #include "shared/motion/bases.h"
@@ -102,6 +103,9 @@ inline DoubleForward forward_of(const MotionShape& shape) {
         return bases_at(shape, p, i, t);
       case MotionModelKind::hexplane:
         return hexplane_at(shape, p, i, t);
+      case MotionModelKind::nodes:
+        return shifted_at(followed(shape, p, canonical_row(p, i), t),
+                          {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}}, t);
       default:
         throw Error(fmt::format("motion model {} has no reference in double precision",
                                 name_of(shape.motion)));

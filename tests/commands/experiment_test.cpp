@@ -369,7 +369,7 @@ TEST_F(Experiment, ADeviceThatIsNotThereIsToldBeforeAnythingIsTrained) {
 // Parallel trainings have fewer cores each, which must not change any bit of any motion model. Uses
 // enough Gaussians for sums over them to be split.
 TEST_F(Experiment, TheNumberOfCoresChangesNoBit) {
-  for (const char* motion : {"spacetime", "native4d", "keyframes", "bases", "hexplane"}) {
+  for (const char* motion : {"spacetime", "native4d", "keyframes", "bases", "hexplane", "nodes"}) {
     const auto model = [&](const std::string& cores) {
       const std::string path = out(motion + cores);
       EXPECT_EQ(gflow({"train", scene_->path(), "-o", path, "--iterations", "8", "--quiet", "--set",

@@ -11,7 +11,7 @@ class PaceOf : public testing::TestWithParam<MotionModelKind> {};
 INSTANTIATE_TEST_SUITE_P(Motion, PaceOf,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
-                                         MotionModelKind::hexplane),
+                                         MotionModelKind::hexplane, MotionModelKind::nodes),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
 // Visible for 4.9 lifetimes in a video of length 10; for the fourth lifetime that exceeds the

@@ -48,7 +48,7 @@ TEST_P(EveryCutModel, LooksLikeItselfAlsoFromAFile) {
 INSTANTIATE_TEST_SUITE_P(All, EveryCutModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
-                                         MotionModelKind::hexplane),
+                                         MotionModelKind::hexplane, MotionModelKind::nodes),
                          [](const auto& test) { return std::string(name_of(test.param)); });
 
 TEST(LinearPieces, StraightPathsAreOnePieceEach) {

@@ -152,7 +152,7 @@ class EachMotionModel : public testing::TestWithParam<MotionModelKind> {};
 INSTANTIATE_TEST_SUITE_P(Model, EachMotionModel,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
-                                         MotionModelKind::hexplane),
+                                         MotionModelKind::hexplane, MotionModelKind::nodes),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
 TEST_P(EachMotionModel, ComesBackFromAFileAndFromTheDeviceBitByBit) {

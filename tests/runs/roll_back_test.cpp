@@ -37,8 +37,9 @@ TEST(RollBack, ATrainingIsSoundWhoseLossIsANumberAndThatRefusesFew) {
 TEST(RollBack, RefusedRowsOfEveryTableCountAndThoseThatAllShareMayNotStayStuck) {
   Queue queue = test_queue();
   const SmallScene scene(queue);
-  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::keyframes,
-                                     MotionModelKind::bases, MotionModelKind::hexplane}) {
+  for (const MotionModelKind kind :
+       {MotionModelKind::spacetime, MotionModelKind::keyframes, MotionModelKind::bases,
+        MotionModelKind::hexplane, MotionModelKind::nodes}) {
     const int motion = int(kind);
     TrainOptions config = small_config(scene, 20);
     config.motion.model = choice_of(kind);

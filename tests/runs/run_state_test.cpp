@@ -59,7 +59,7 @@ TEST_P(StateOfCheckpoint, IsTheModelThatTheDeviceHolds) {
 INSTANTIATE_TEST_SUITE_P(Models, StateOfCheckpoint,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
-                                         MotionModelKind::hexplane),
+                                         MotionModelKind::hexplane, MotionModelKind::nodes),
                          [](const auto& info) { return name_of(info.param); });
 
 // A run of 3000 steps with the files that a test adds.

@@ -104,7 +104,7 @@ TEST_F(TrainerTest, TwoRunsInBatchesOfTwoGiveTheSameBits) {
 TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
   for (const MotionModelKind kind :
        {MotionModelKind::spacetime, MotionModelKind::native4d, MotionModelKind::keyframes,
-        MotionModelKind::bases, MotionModelKind::hexplane}) {
+        MotionModelKind::bases, MotionModelKind::hexplane, MotionModelKind::nodes}) {
     TrainOptions config = small_config(scene(), 260);
     config.motion.model = choice_of(kind);
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;

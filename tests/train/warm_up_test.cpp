@@ -66,7 +66,7 @@ TEST_P(WarmUp, CompilesWhatAStepNeedsAndNothingBesides) {
 INSTANTIATE_TEST_SUITE_P(Models, WarmUp,
                          testing::Values(MotionModelKind::spacetime, MotionModelKind::native4d,
                                          MotionModelKind::keyframes, MotionModelKind::bases,
-                                         MotionModelKind::hexplane),
+                                         MotionModelKind::hexplane, MotionModelKind::nodes),
                          [](const auto& info) { return std::string(name_of(info.param)); });
 
 class CompilingAhead : public OnOneScene {

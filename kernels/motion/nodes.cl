@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+// The nodes motion model on the device (formulas: shared/motion/nodes.h): the poses of the nodes at
+// a time, Gaussians that follow their nearest nodes, and the gradients. Windows, first and second
+// time are as in native4d.cl. Gradients of the nodes are summed over chunks of Gaussians, then over
+// chunks in order: bitwise repeatable.
+#include "motion/plane_field.cl"
+#include "shared/arrays.h"
+#include "shared/motion/canonical_rows.h"
+#include "shared/motion/nodes.h"
+
+#define POSE 7           // floats per pose: unit quaternion, shift
+#define TOLD_MOST 1e18f  // its square is finite
+#define FAR 1e20f        // its square is infinite
+
+typedef union LaneFloats {
+  lane all;
+  float row[LANES];
+} LaneFloats;
+
+// The places of the nodes, axis by axis, with columns of a multiple of LANES; what is beyond the
+// last node is far away. One work-item per entry of a column.
+kernel void nodes_columns(const uint nodes, const uint length, global const float* restrict places,
+                          global float* restrict columns) {  // [3, length]
+  const uint k = get_global_id(0);
+  if (k >= length) return;
+  const real3 p = k < nodes ? load3(places, k) : make_real3(FAR, FAR, FAR);
+  columns[k] = p.x;
+  columns[length + k] = p.y;
+  columns[2 * length + k] = p.z;
+}
+
+// The nearest nodes of a place, nearest first, without node `self`; the first ones of equally near
+// ones.
+static inline void nearest_nodes(real3 m, uint self, uint length, global const float* columns,
+                                 uint* near) {
+  float best[NODE_NEIGHBOURS];
+  for (int k = 0; k < NODE_NEIGHBOURS; ++k) best[k] = INFINITY, near[k] = 0;
+  for (uint first = 0; first < length; first += LANES) {
+    const lane x = ROW_LOAD(columns + first) - m.x;
+    const lane y = ROW_LOAD(columns + length + first) - m.y;
+    const lane z = ROW_LOAD(columns + 2 * length + first) - m.z;
+    LaneFloats squared;
+    squared.all = fma(x, x, fma(y, y, z * z));
+    if (!lane_any(squared.all < TO_LANE(best[NODE_NEIGHBOURS - 1]))) continue;
+    for (int r = 0; r < LANES; ++r) {
+      if (!(squared.row[r] < best[NODE_NEIGHBOURS - 1]) || first + r == self) continue;
+      int place = NODE_NEIGHBOURS - 1;
+      for (; place > 0 && squared.row[r] < best[place - 1]; --place)
+        best[place] = best[place - 1], near[place] = near[place - 1];
+      best[place] = squared.row[r], near[place] = first + r;
+    }
+  }
+}
+
+// The nearest other nodes of each node. One work-item per node.
+kernel void nodes_links(const uint nodes, const uint length, global const float* restrict places,
+                        global const float* restrict columns,
+                        global uint* restrict links) {  // [nodes, NODE_NEIGHBOURS]
+  const uint k = get_global_id(0);
+  if (k >= nodes) return;
+  uint near[NODE_NEIGHBOURS];
+  nearest_nodes(load3(places, k), k, length, columns, near);
+  for (int j = 0; j < NODE_NEIGHBOURS; ++j) links[NODE_NEIGHBOURS * k + j] = near[j];
+}
+
+// Evaluates the field at the nodes first .. first + BLOCK - 1; those beyond the last repeat it.
+static inline void block_fwd(uint first, uint nodes, HexplaneGrid grid, global const float* places,
+                             global const float* planes, global const float* lines,
+                             global const float* network, Activations* a) {
+  uint rows[BLOCK];
+  for (int b = 0; b < BLOCK; ++b) rows[b] = min(first + b, nodes - 1);
+  field_fwd(rows, BLOCK, grid, places, planes, lines, network, a);
+}
+
+// The poses of the nodes at a time. One work-item per BLOCK nodes.
+kernel void nodes_pose(const uint nodes, const HexplaneGrid grid,
+                       global const float* restrict places, global const float* restrict planes,
+                       global const float* restrict lines, global const float* restrict network,
+                       global float* restrict outputs,  // [nodes, OUTPUTS] of the network
+                       global float* restrict poses) {  // [nodes, POSE]
+  const uint first = get_global_id(0) * BLOCK;
+  if (first >= nodes) return;
+  Activations a;
+  block_fwd(first, nodes, grid, places, planes, lines, network, &a);
+  for (int b = 0; b < BLOCK && first + b < nodes; ++b) {
+    const float* o = a.outputs + b * OUTPUTS;
+    const BasisPose p = node_pose(load3(places, first + b), grid, o);
+    for (int k = 0; k < OUTPUTS; ++k) outputs[(size_t)(first + b) * OUTPUTS + k] = o[k];
+    vstore4(p.quat, 0, poses + POSE * (first + b));
+    store3(poses + POSE * (first + b) + 4, 0, p.shift);
+  }
+}
+
+static inline BasisPose load_pose(uint k, global const float* poses, global const float* places) {
+  BasisPose p;
+  p.quat = vload4(0, poses + POSE * k);
+  p.shift = load3(poses + POSE * k + 4, 0);
+  p.pivot = load3(places, k);
+  return p;
+}
+
+typedef struct Following {  // of a Gaussian
+  uint near[NODE_NEIGHBOURS];
+  float exponents[NODE_NEIGHBOURS], weights[NODE_NEIGHBOURS];
+} Following;
+
+static inline Following following(real3 m, uint length, global const float* columns,
+                                  global const float* places, global const float* log_radii) {
+  Following f;
+  nearest_nodes(m, UINT_MAX, length, columns, f.near);
+  for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+    const real3 arm = m - load3(places, f.near[k]);
+    f.exponents[k] = node_exponent(dot(arm, arm), log_radii[f.near[k]]);
+  }
+  node_weights(f.exponents, f.weights);
+  return f;
+}
+
+// The sum of the neighbours' turns and shifts.
+static inline Canonical follow(Canonical g, const Following* f, global const float* poses,
+                               global const float* places) {
+  real3 shift = make_real3(0.f, 0.f, 0.f);
+  real4 turn = make_real4(0.f, 0.f, 0.f, 0.f);
+  for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+    const BasisPose p = load_pose(f->near[k], poses, places);
+    shift += basis_shift(p, g.mean) * f->weights[k];
+    turn += basis_turn(p) * f->weights[k];
+  }
+  return blended(g, shift, turn);
+}
+
+static inline Shift no_shift(void) {
+  Shift d;
+  d.mean = d.log_scales = make_real3(0.f, 0.f, 0.f);
+  d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
+  return d;
+}
+
+#define NODES_IN                                                                                  \
+  const uint length, global const float *restrict places, global const float *restrict log_radii, \
+      global const float *restrict poses, global const float *restrict columns
+
+kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int first,
+                      global const uint* restrict rows,
+                      global const uint* restrict tiles_touched,  // [n] read if not first
+                      CANONICAL_IN, NODES_IN,
+                      global float* restrict means_at,        // [n, 3]
+                      global float* restrict factors_at,      // [n, 3, 3]
+                      global float* restrict opacities_at) {  // [n]
+  const uint k = get_global_id(0);
+  if (k >= n) return;
+  const uint i = view_row(k, rows);
+  if (!canonical_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales,
+                           opacities_at))
+    return;
+  const Canonical g = load_canonical(i, CANONICAL_ROWS);
+  const Following f = following(g.mean, length, columns, places, log_radii);
+  store_shifted(k, shifted_at(follow(g, &f, poses, places), no_shift(), t), means_at, factors_at,
+                opacities_at);
+}
+
+// One work-item per chunk of `chunk_length` entries of the view.
+kernel void nodes_bwd(const uint n, const uint chunk_length, const uint nodes, const float t,
+                      const int first, global const uint* restrict rows, CANONICAL_IN, NODES_IN,
+                      global const uint* restrict tiles_touched,    // [n]
+                      global const float* restrict v_means_at,      // [n, 3]
+                      global const float* restrict v_factors_at,    // [n, 3, 3]
+                      global const float* restrict v_opacities_at,  // [n] read if first
+                      global uint* restrict seen, V_CANONICAL_OUT,
+                      global float* restrict sums) {  // [chunks, nodes, NODE_SUMS]
+  const uint chunk = get_global_id(0), begin = chunk * chunk_length;
+  const uint end = min(n, begin + chunk_length);
+  global float* own = sums + (size_t)chunk * nodes * NODE_SUMS;
+  for (uint k = 0; k < nodes * NODE_SUMS; ++k) own[k] = 0.f;
+  for (uint entry = begin; entry < end; ++entry) {
+    if (tiles_touched[entry] == 0) continue;
+    const uint i = view_row(entry, rows);
+    const Canonical canonical = load_canonical(i, CANONICAL_ROWS);
+    const real3 m = canonical.mean;
+    const Following f = following(m, length, columns, places, log_radii);
+    Canonical v =
+        shifted_vjp(follow(canonical, &f, poses, places), no_shift(), t, load3(v_means_at, entry),
+                    load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
+    const int fresh = first && !seen[i];
+    if (fresh) seen[i] = 1;
+    // The followed quaternion is blend * canonical.quat.
+    const real4 v_turn = quat_mul(v.quat, quat_conj(canonical.quat)), v_quat = v.quat;
+    const real3 v_mean = v.mean;
+    real4 blend = make_real4(1.f, 0.f, 0.f, 0.f);
+    float v_weights[NODE_NEIGHBOURS], middle = 0.f;  // their weighted mean
+    for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+      const BasisPose p = load_pose(f.near[k], poses, places);
+      v_weights[k] = dot(v_mean, basis_shift(p, m)) + dot(v_turn, basis_turn(p));
+      middle += f.weights[k] * v_weights[k];
+    }
+    for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+      const uint node = f.near[k];
+      const BasisPose p = load_pose(node, poses, places);
+      const BasisPose v_p = basis_pose_vjp(p, f.weights[k], m, v_mean, v_turn);
+      const real3 carried =
+          (mat3_transposed_times(quat_to_rotmat(p.quat), v_mean) - v_mean) * f.weights[k];
+      const float v_exponent = f.weights[k] * (middle - v_weights[k]);
+      const real3 pulled = (m - p.pivot) * (v_exponent * exp(-2.f * log_radii[node]));
+      v.mean += carried + pulled;
+      blend += basis_turn(p) * f.weights[k];
+      const real3 v_place = -carried - pulled;
+      const float v_log_radius = -2.f * f.exponents[k] * v_exponent;
+      // A broken Gaussian keeps its gradient, but must not affect the shared nodes, nor may what it
+      // tells them overflow on the way through the network.
+      const float told = sqrt(dot(v_p.quat, v_p.quat)) + sqrt(dot(v_p.shift, v_p.shift)) +
+                         sqrt(dot(v_place, v_place)) + fabs(v_log_radius);
+      if (!(told < TOLD_MOST)) continue;
+      global float* o = own + NODE_SUMS * node;
+      o[0] += v_p.quat.x, o[1] += v_p.quat.y, o[2] += v_p.quat.z, o[3] += v_p.quat.w;
+      o[4] += v_p.shift.x, o[5] += v_p.shift.y, o[6] += v_p.shift.z;
+      o[7] += v_place.x, o[8] += v_place.y, o[9] += v_place.z, o[10] += v_log_radius;
+    }
+    v.quat = quat_mul(quat_conj(blend), v_quat);
+    put_canonical(i, v, fresh, V_CANONICAL_ROWS);
+  }
+}
+
+// Gradient of the rigidity by the pose of node k: as the middle of its links and as the end of
+// others'. `weight` per link; places and links are constants.
+static inline void add_strain(uint k, uint nodes, float weight, global const float* poses,
+                              global const float* places, global const uint* links, real4* v_unit,
+                              real3* v_shift) {
+  const BasisPose own = load_pose(k, poses, places);
+  for (int j = 0; j < NODE_NEIGHBOURS; ++j) {
+    const BasisPose other = load_pose(links[NODE_NEIGHBOURS * k + j], poses, places);
+    const real3 v = node_strain(own, other) * (2.f * weight * node_link_weight(own, other));
+    const BasisPose v_own =
+        basis_pose_vjp(own, 1.f, other.pivot, v, make_real4(0.f, 0.f, 0.f, 0.f));
+    *v_unit += v_own.quat;
+    *v_shift += v_own.shift;
+  }
+  for (uint e = 0; e < nodes * NODE_NEIGHBOURS; ++e) {
+    if (links[e] != k) continue;
+    const BasisPose other = load_pose(e / NODE_NEIGHBOURS, poses, places);
+    *v_shift -= node_strain(other, own) * (2.f * weight * node_link_weight(other, own));
+  }
+}
+
+// Sums the chunks of a node and passes the gradient of its pose on to the outputs of the network.
+// One work-item per node.
+kernel void nodes_gather(const uint chunks, const uint nodes, const HexplaneGrid grid,
+                         const float rigidity, global const float* restrict sums,
+                         global const float* restrict outputs, global const float* restrict poses,
+                         global const float* restrict places, global const uint* restrict links,
+                         global uint* restrict seen, global float* restrict v_places,
+                         global float* restrict v_log_radii,
+                         global float* restrict v_outputs) {  // [nodes, OUTPUTS]
+  const uint k = get_global_id(0);
+  if (k >= nodes) return;
+  float sum[NODE_SUMS];
+  for (int j = 0; j < NODE_SUMS; ++j) sum[j] = 0.f;
+  for (uint c = 0; c < chunks; ++c)
+    for (int j = 0; j < NODE_SUMS; ++j) sum[j] += sums[((size_t)c * nodes + k) * NODE_SUMS + j];
+  real4 v_unit = make_real4(sum[0], sum[1], sum[2], sum[3]);
+  real3 v_shift = make_real3(sum[4], sum[5], sum[6]);
+  if (rigidity > 0.f)
+    add_strain(k, nodes, rigidity / (float)(nodes * NODE_NEIGHBOURS), poses, places, links, &v_unit,
+               &v_shift);
+  float o[OUTPUTS], v_o[OUTPUTS];
+  for (int j = 0; j < OUTPUTS; ++j) o[j] = outputs[(size_t)k * OUTPUTS + j], v_o[j] = 0.f;
+  node_pose_vjp(grid, o, v_unit, v_shift, v_o);
+  for (int j = 0; j < OUTPUTS; ++j) v_outputs[(size_t)k * OUTPUTS + j] = v_o[j];
+  const real3 v_place = make_real3(sum[7], sum[8], sum[9]);
+  if (seen[k]) {
+    add3(v_places, k, v_place);
+    v_log_radii[k] += sum[10];
+  } else {
+    seen[k] = 1;
+    store3(v_places, k, v_place);
+    v_log_radii[k] = sum[10];
+  }
+}
+
+// From the outputs of the network to its weights and the features. One work-item per chunk of
+// `chunk_length` nodes, a multiple of BLOCK; of a GPU, per node.
+kernel void nodes_bwd_network(const uint nodes, const uint chunk_length, const HexplaneGrid grid,
+                              global const float* restrict places,
+                              global const float* restrict planes,
+                              global const float* restrict lines,
+                              global const float* restrict network,
+                              global const float* restrict transposed,
+                              global const float* restrict v_outputs,
+                              global float* restrict v_networks,    // [chunks, WEIGHTS]; CPU
+                              global float* restrict kept,          // [nodes, KEPT]; GPU
+                              global uint* restrict used,           // [nodes] set to 1
+                              global float* restrict v_features) {  // [nodes, FEATURES]
+  const uint chunk = get_global_id(0), begin = chunk * chunk_length;
+  const uint end = min(nodes, begin + chunk_length);
+  global float* v_network = v_networks + (size_t)chunk * WEIGHTS;
+#if LANES > 1
+  for (uint w = 0; w < WEIGHTS; w += LANES) ROW_STORE(TO_LANE(0.f), v_network + w);
+#endif
+  Activations a;
+  float v_out[BLOCK * OUTPUTS], v_x[BLOCK * FEATURES];
+  for (uint row = begin; row < end; row += BLOCK) {
+    block_fwd(row, nodes, grid, places, planes, lines, network, &a);
+    for (int b = 0; b < BLOCK; ++b)
+      for (int k = 0; k < OUTPUTS; ++k)
+        v_out[b * OUTPUTS + k] = row + b < end ? v_outputs[(size_t)(row + b) * OUTPUTS + k] : 0.f;
+    network_bwd(&a, v_out, transposed, v_network, kept + (size_t)row * KEPT, v_x);
+    for (int b = 0; b < BLOCK && row + b < end; ++b) {
+      used[row + b] = 1;
+      for (int k = 0; k < FEATURES; k += LANES)
+        ROW_STORE(ROW_LOAD(v_x + b * FEATURES + k), v_features + (size_t)(row + b) * FEATURES + k);
+    }
+  }
+}

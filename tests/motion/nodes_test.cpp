@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nodes: the device against plain loops in double and their differences.
+#include "optim/motion/nodes.hpp"
+
+#include <gtest/gtest.h>
+
+#include "optim/motion/motion_options.hpp"
+#include "optim/reference/nodes.hpp"
+#include "tests/support/device.hpp"
+#include "tests/support/motion_check.hpp"
+
+namespace gflow {
+namespace {
+
+struct NodesCase {
+  int count, layers, lanes;  // lanes 0: the device's own; 1: as on a GPU
+  float rigidity = 0;
+};
+
+MotionShape small_shape(const NodesCase& of) {
+  MotionOptions options;
+  OwnNumbers& own = options.own_of(nodes_model());
+  OwnNumbers::fields(own, [&](const std::string& key, auto& value, const Help&, const Allowed&) {
+    using Value = std::decay_t<decltype(value)>;
+    value = key == "count" ? Value(of.count) : Value(of.rigidity);
+  });
+  HexplaneOptions& field = options.hexplane;
+  field.levels = 1;
+  field.layers = of.layers;
+  field.times = 3;
+  field.resolution = 2;
+  field.hidden = 32;
+  MotionShape shape = motion_shape(MotionModelKind::nodes, options, 3);
+  shape.duration = 2;
+  shape.hexplane.centre = {0.1f, -0.2f, 0.f};
+  shape.hexplane.half_size = {1.f, 1.5f, 0.75f};
+  return shape;
+}
+
+// Planes away from 0, because features are products of six.
+void spread_planes(Queue& queue, MotionCheck& check) {
+  std::vector<double>& planes = check.values().at("planes");
+  for (double& x : planes) x = double(float(1 + 0.4 * x));
+  check.parameters()["planes"].values.write(queue, to_float(planes));
+}
+
+class NodesOfSomeShapes : public testing::TestWithParam<NodesCase> {};
+INSTANTIATE_TEST_SUITE_P(Motion, NodesOfSomeShapes,
+                         testing::Values(NodesCase{8, 2, 0}, NodesCase{21, 1, 0},
+                                         NodesCase{40, 2, 0}, NodesCase{19, 2, 1},
+                                         NodesCase{35, 2, 4}));
+
+TEST_P(NodesOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
+  Queue queue = test_queue(GetParam().lanes);
+  const MotionShape shape = small_shape(GetParam());
+  MotionCheck check(queue, shape, 13, reference::forward_of(shape), {{"network", 0.15}});
+  spread_planes(queue, check);
+  for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0}) check.expect_same_gaussians(t, {1e-5, 1e-5});
+  check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
+}
+
+// Gradients of the outputs of the network by the rigidity alone, since no Gaussian is seen.
+TEST(Nodes, RigidityHasTheGradientOfCentralDifferences) {
+  Queue queue = test_queue();
+  const MotionShape shape = small_shape({20, 1, 0, 0.7f});
+  MotionCheck check(queue, shape, 2, reference::forward_of(shape), {{"network", 0.15}});
+  spread_planes(queue, check);
+  Parameters& p = check.parameters();
+  const Buffer<cl_uint> none(queue, std::vector<cl_uint>(2, 0u), "touched");
+  const Buffer<float> zero(queue, std::vector<float>(18, 0.f), "zero");
+  check.motion().backward(queue, p, 0.6f, true, none, zero, zero, zero);
+  const Named values = check.values();
+  const auto expected = numeric_gradient(
+      [&](const std::vector<double>& x) {
+        Named q = values;
+        q["network"] = x;
+        return double(0.7f) * reference::node_rigidity(shape, q, double(0.6f));
+      },
+      values.at("network"), 1e-6);
+  EXPECT_GT(norm(expected), 0);
+  EXPECT_LT(relative_l2(p["network"].grads.read(queue), expected), 1e-5);
+}
+
+TEST(Nodes, RigidMotionOfAllHasNoStrain) {
+  const MotionShape shape = small_shape({12, 1, 0});
+  HostGroups groups;
+  groups["means"] = {};
+  Random random(3);
+  for (int k = 0; k < 60; ++k) groups["means"].push_back(float(random()));
+  groups["node_places"].resize(36), groups["node_log_radii"].resize(12);
+  set_static(shape, groups, 20, 5);
+  place_nodes(shape, groups, 0);
+  Named p;
+  for (const auto& [name, values] : groups)
+    p[name] = std::vector<double>(values.begin(), values.end());
+  EXPECT_EQ(reference::node_rigidity(shape, p, 0.3), 0);
+  p["network"].end()[-NETWORK_OUTPUTS + 1] = 0.4;  // the bias of y
+  EXPECT_LT(reference::node_rigidity(shape, p, 0.3), 1e-24);
+  for (int neuron = 2; neuron < 12; ++neuron)  // by place
+    p["network"].end()[-neuron * NETWORK_OUTPUTS + 1] = 0.4;
+  EXPECT_GT(reference::node_rigidity(shape, p, 0.3), 1e-6);
+}
+
+TEST(Nodes, StartFarApartAndStatic) {
+  const MotionShape shape = small_shape({8, 1, 0});
+  HostGroups groups;
+  for (int k = 0; k < 100; ++k)
+    for (const float x : {0.01f * float(k), 0.f, 0.f}) groups["means"].push_back(x);
+  groups["node_places"].resize(24), groups["node_log_radii"].resize(8);
+  set_static(shape, groups, 100, 7);
+  place_nodes(shape, groups, 0);
+  EXPECT_TRUE(is_static(shape, groups));
+  std::vector<float> x;
+  for (size_t k = 0; k < 8; ++k) x.push_back(groups["node_places"][3 * k]);
+  std::sort(x.begin(), x.end());
+  for (size_t k = 1; k < 8; ++k) EXPECT_GT(x[k] - x[k - 1], 0.1f);
+  for (const float r : groups["node_log_radii"]) EXPECT_NEAR(r, std::log(0.25f), 0.5f);
+  groups["network"].back() = 1;
+  EXPECT_FALSE(is_static(shape, groups));
+}
+
+// Chunks in which no Gaussian, one or all are seen, and more than one of each.
+TEST(Nodes, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
+  Queue queue = test_queue();
+  const MotionShape shape = small_shape({100, 2, 0});
+  const size_t n = 1500;
+  MotionCheck check(queue, shape, n, reference::forward_of(shape), {{"network", 0.15}});
+  spread_planes(queue, check);
+  Parameters& p = check.parameters();
+  std::vector<float> v(9 * n);
+  Random random(5);
+  for (float& x : v) x = float(random());
+  const Buffer<float> v_all(queue, v, "v");
+  const auto gradients = [&](const std::vector<cl_uint>& touched) {
+    p.forget_seen(queue);
+    check.motion().backward(queue, p, 0.7f, true, Buffer<cl_uint>(queue, touched, "touched"), v_all,
+                            v_all, v_all);
+    std::vector<float> all;
+    for (const char* name : {"planes", "network", "node_places", "node_log_radii"})
+      for (const float x : p[name].grads.read(queue)) all.push_back(x);
+    return all;
+  };
+  std::vector<cl_uint> all(n), odd(n), even(n);
+  for (size_t i = 0; i < n; ++i) {
+    all[i] = i > 400 && i != 900;
+    (i % 2 ? odd : even)[i] = all[i];
+  }
+  const auto whole = gradients(all), again = gradients(all);
+  EXPECT_EQ(whole, again);  // bitwise repeatable
+  const auto first = gradients(odd), second = gradients(even);
+  std::vector<double> sum;
+  for (size_t k = 0; k < whole.size(); ++k) sum.push_back(double(first[k]) + double(second[k]));
+  EXPECT_LT(relative_l2(whole, sum), 1e-5);
+}
+
+}  // namespace
+}  // namespace gflow
