@@ -158,8 +158,8 @@ Json info_of_run(const std::string& path, int iteration) {
             {"saved_iterations", iterations_of(run)}};
   if (std::isfinite(state.facts.train_seconds)) info["train_seconds"] = state.facts.train_seconds;
   if (!state.facts.device.empty()) info["device"] = state.facts.device;
-  if (const std::string cameras = run.path("cameras.json"); fs::exists(cameras))
-    info["near_plane"] = read_cameras_json(cameras, 1)[0].near;
+  if (const std::string file = run.path("cameras.json"); fs::exists(file))
+    if (const double near = read_cameras_json(file, 1)[0].near; near > 0) info["near_plane"] = near;
   info.update(
       info_of_model(state.model, state.path, state.checkpoint ? "checkpoint" : "ply", state.bytes));
   return info;
