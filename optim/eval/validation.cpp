@@ -61,9 +61,8 @@ std::string Validation::warning(const ValidationPsnr& now, int steps) {
   if (!warned_of_gap_ && gap > kGap && gap > first_gap_ + kOpened) {
     warned_of_gap_ = true;
     return fmt::format(
-        "views that are not trained reach {:.1f} dB after {} steps, trained ones {:.1f} dB: too "
-        "few "
-        "cameras see each place for its depth; depth files (loss.depth) or more cameras help, or "
+        "views that are not trained reach {:.1f} dB after {} steps, trained ones {:.1f} dB: either "
+        "too few cameras see each place, which depth files (loss.depth) or more cameras mend, or "
         "the poses are not exact",
         now.val, steps, now.train);
   }
