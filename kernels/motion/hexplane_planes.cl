@@ -78,9 +78,8 @@ static inline lane features_of(HexplaneGrid grid, int level, Corner c, int part,
   return product;
 }
 
-// Interpolates the time planes at one time, between rows `row` and row + 1. One work-item per line
-// cell and vector of channels.
-kernel void hexplane_slice(const HexplaneGrid grid, const int row, const float share,
+// The time planes at one time. One work-item per line cell and vector of channels.
+kernel void hexplane_slice(const HexplaneGrid grid, const TimeRows rows,
                          global const float* restrict planes, global float* restrict lines) {
   const uint id = get_global_id(0), part = id % PARTS;
   uint cell = id / PARTS;
@@ -88,12 +87,13 @@ kernel void hexplane_slice(const HexplaneGrid grid, const int row, const float s
     const uint r = (uint)grid.resolution << level;
     if (cell < 3 * r) {
       const uint start = hexplane_level_start(grid.resolution, grid.times, level) + 3 * r * r;
-      const int next = min(row + 1, grid.times - 1);
-      const lane a =
-          ROW_LOAD(planes + (size_t)(start + row * 3 * r + cell) * CHANNELS + part * LANES);
-      const lane b =
-          ROW_LOAD(planes + (size_t)(start + next * 3 * r + cell) * CHANNELS + part * LANES);
-      ROW_STORE(between(a, b, share), lines + (size_t)id * LANES);
+      lane sum = TO_LANE(0.f);
+      for (int k = 0; k < 4; ++k) {
+        if (rows.weight[k] == 0.f) continue;
+        const size_t row = start + (size_t)(rows.row + k) * 3 * r + cell;
+        sum = fma(ROW_LOAD(planes + row * CHANNELS + part * LANES), TO_LANE(rows.weight[k]), sum);
+      }
+      ROW_STORE(sum, lines + (size_t)id * LANES);
       return;
     }
     cell -= 3 * r;
@@ -201,8 +201,8 @@ static inline void put_cell(global uint* seen, global float* v_planes, uint row,
 }
 
 // Sums the chunks' copies, and sets or adds what is not 0. One work-item per cell of a copy.
-kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, const int row,
-                                const float share, global const float* restrict v_slices,
+kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, const TimeRows rows,
+                                global const float* restrict v_slices,
                                 global uint* restrict seen, global float* restrict v_planes) {
   const uint cells = hexplane_level_start(grid.resolution, 1, LEVELS);
   uint cell = get_global_id(0);
@@ -225,9 +225,11 @@ kernel void hexplane_sum_planes(const uint chunks, const HexplaneGrid grid, cons
     }
     cell -= 3 * r * r;
     if (cell < 3 * r) {
-      const uint line = start + 3 * r * r + row * 3 * r + cell;
-      if (share < 1.f) put_cell(seen, v_planes, line, sum, 1.f - share);
-      if (share > 0.f) put_cell(seen, v_planes, line + 3 * r, sum, share);
+      for (int k = 0; k < 4; ++k) {
+        if (rows.weight[k] == 0.f) continue;
+        const uint line = start + 3 * r * r + (rows.row + k) * 3 * r + cell;
+        put_cell(seen, v_planes, line, sum, rows.weight[k]);
+      }
       return;
     }
     cell -= 3 * r;

@@ -72,7 +72,7 @@ template <class Number>
 void read_comment(const PlyTable& table, const std::string& key, Number& member, double lowest,
                   double highest, const std::string& path) {
   const auto text = comment_after(table, key + " ");
-  const bool always_there = key != "key_scales" && comment_after(table, model_comment);
+  const bool always_there = !may_be_missing(key) && comment_after(table, model_comment);
   if (!text && always_there)
     throw Error(
         fmt::format("reading {}: gflow wrote it, but its comment '{}' is missing: it is "

@@ -31,7 +31,7 @@ struct HexplaneOptions {
     field("channels", self.channels, advanced("features per level"), one_of({16, 32, 64}));
     field("resolution", self.resolution, "cells along x, y and z at the first level",
           between(2, 1024));
-    field("times", self.times, advanced("rows of the time planes; 0: one per two time steps"),
+    field("times", self.times, advanced("rows of the time planes; 0: one per four time steps"),
           between(0, 10000));
     field("hidden", self.hidden, advanced("neurons per hidden layer"), one_of({32, 64, 128, 256}));
     field("layers", self.layers, advanced("number of hidden layers"), between(1, 4));
@@ -62,6 +62,10 @@ struct HexplaneOptions {
 
 // The options with `times` resolved (>= 1), and the box that the planes cover.
 struct HexplaneShape : HexplaneOptions {
+  // 1: rows in time are the control points of a cubic B-spline, smooth in its second derivative, so
+  // that a motion learned from one view at a time does not jerk; 0: values between which features
+  // change linearly, as in files of older versions, which do not have this number.
+  int time_spline = 0;
   std::array<float, 3> centre{0, 0, 0}, half_size{1, 1, 1};  // [world]
 };
 

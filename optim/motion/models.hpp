@@ -35,6 +35,10 @@ struct ShapeNumber {
   float& (*real)(MotionShape&) = nullptr;
   double lowest, highest;
 };
+// Whether files may lack this number, which older versions did not write; it is 0 then.
+inline bool may_be_missing(const std::string& number) {
+  return number == "key_scales" || number == "time_spline";
+}
 
 // Parameter arrays on the host by group name, those of other tables included.
 using HostGroups = std::map<std::string, std::vector<float>>;

@@ -2,6 +2,7 @@
 #include "optim/motion/plane_field.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "optim/engine/random_streams.hpp"
@@ -13,6 +14,24 @@ namespace gflow {
 namespace {
 
 constexpr size_t kPlanesGroup = 64;
+
+// The weights of the rows at time t / duration. A spline goes on straight beyond both ends: row -1
+// is 2 row 0 - row 1.
+TimeRows time_rows(double moment, int times, bool spline) {
+  const double place = std::clamp(moment, 0.0, 1.0) * (times - 1);
+  const int cell = std::min(int(place), std::max(times - 2, 0));
+  const double s = place - cell, r = 1 - s;
+  std::array<double, 4> w{0, r, s, 0};
+  if (spline)
+    w = {r * r * r / 6, (3 * s * s * s - 6 * s * s + 4) / 6, (3 * r * r * r - 6 * r * r + 4) / 6,
+         s * s * s / 6};
+  if (times == 1) w = {0, 1, 0, 0};
+  if (cell + 2 > times - 1) w[2] += 2 * w[3], w[1] -= w[3], w[3] = 0;
+  if (cell == 0) w[1] += 2 * w[0], w[2] -= w[0], w[0] = 0;
+  TimeRows rows{cell - 1, {}};
+  std::copy(w.begin(), w.end(), rows.weight);
+  return rows;
+}
 
 uint planes_rows(const HexplaneShape& s) {
   return hexplane_level_start(uint(s.resolution), uint(s.times), s.levels);
@@ -50,6 +69,7 @@ template <int HexplaneOptions::*number>
 int& member(MotionShape& shape) {
   return shape.hexplane.*number;
 }
+int& time_spline(MotionShape& shape) { return shape.hexplane.time_spline; }
 template <size_t axis>
 float& centre(MotionShape& shape) {
   return shape.hexplane.centre[axis];
@@ -127,17 +147,19 @@ std::vector<ShapeNumber> field_numbers() {
 std::vector<ShapeNumber> box_numbers() {
   return {{"centre_x", centre<0>, -1e30, 1e30}, {"half_size_x", half_size<0>, 0, 1e30},
           {"centre_y", centre<1>, -1e30, 1e30}, {"half_size_y", half_size<1>, 0, 1e30},
-          {"centre_z", centre<2>, -1e30, 1e30}, {"half_size_z", half_size<2>, 0, 1e30}};
+          {"centre_z", centre<2>, -1e30, 1e30}, {"half_size_z", half_size<2>, 0, 1e30},
+          {"time_spline", time_spline, -1, 1}};
 }
 
 void set_field_numbers(MotionShape& shape, const MotionOptions& options, int time_steps) {
   static_cast<HexplaneOptions&>(shape.hexplane) = options.hexplane;
-  if (shape.hexplane.times == 0) shape.hexplane.times = (time_steps + 1) / 2;
+  if (shape.hexplane.times == 0) shape.hexplane.times = (time_steps + 3) / 4;
 }
 
 void enclose_in_box(MotionShape& shape, const std::vector<float>& means,
                     const MotionOptions& options) {
   set_box(shape.hexplane, means, options.hexplane.slack);
+  shape.hexplane.time_spline = 1;
 }
 
 PlaneField::PlaneField(Queue& queue, Program& program, const HexplaneShape& shape, float duration)
@@ -154,15 +176,13 @@ PlaneField::PlaneField(Queue& queue, Program& program, const HexplaneShape& shap
       network_(program, network_of(shape), queue.lanes) {}
 
 void PlaneField::cut(Queue& queue, const Parameters& p, float t) {
-  const double place = std::clamp(double(t) / duration_, 0.0, 1.0) * (shape_.times - 1);
-  time_.row = std::min(int(place), std::max(shape_.times - 2, 0));
-  time_.share = float(place - time_.row);
+  time_ = time_rows(double(t) / duration_, shape_.times, shape_.time_spline != 0);
   const size_t r = size_t(shape_.resolution);
   const size_t vectors =
       3 * r * ((size_t(1) << shape_.levels) - 1) * size_t(shape_.channels) / lanes_;
   lines_.ensure(queue, vectors * lanes_);
-  hexplane_cut_(queue, Range::over(vectors, kPlanesGroup), grid_, time_.row, time_.share,
-                p["planes"].values, lines_);
+  hexplane_cut_(queue, Range::over(vectors, kPlanesGroup), grid_, time_, p["planes"].values,
+                lines_);
 }
 
 void PlaneField::begin(Queue& queue, const Parameters& p, float t, size_t n, const Chunks& chunks) {
@@ -183,8 +203,8 @@ void PlaneField::finish(Queue& queue, Parameters& p, size_t n, const Buffer<cl_u
                        grid_, used, places, p["planes"].values, lines_, v_features_, v_cuts_,
                        v_places_);
   hexplane_bwd_means_(queue, Range::over(n, kPlanesGroup), cl_uint(n), used, v_places_, v_places);
-  hexplane_sum_planes_(queue, Range::over(cells_, kPlanesGroup), copies.count, grid_, time_.row,
-                       time_.share, v_cuts_, planes.rows.seen, p["planes"].grads);
+  hexplane_sum_planes_(queue, Range::over(cells_, kPlanesGroup), copies.count, grid_, time_,
+                       v_cuts_, planes.rows.seen, p["planes"].grads);
   planes.active = {0, planes.count};
 }
 

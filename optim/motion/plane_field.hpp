@@ -8,6 +8,7 @@
 #include "shared/motion/hexplane.h"
 
 GFLOW_KERNEL_STRUCT(HexplaneGrid);
+GFLOW_KERNEL_STRUCT(TimeRows);
 
 namespace gflow {
 
@@ -66,17 +67,13 @@ class PlaneField {
   HexplaneGrid grid_;
   float duration_;
   size_t lanes_, cells_;  // cells_: cells of all planes at one time
-  struct {
-    int row;      // before t
-    float share;  // weight of the next row
-  } time_{};
-  Kernel<HexplaneGrid, cl_int, cl_float, In<float>, Out<float>> hexplane_cut_;
+  TimeRows time_{};
+  Kernel<HexplaneGrid, TimeRows, In<float>, Out<float>> hexplane_cut_;
   Kernel<cl_uint, cl_uint, HexplaneGrid, In<cl_uint>, In<float>, In<float>, In<float>, In<float>,
          Out<float>, Out<float>>
       hexplane_bwd_planes_;
   Kernel<cl_uint, In<cl_uint>, In<float>, Out<float>> hexplane_bwd_means_;
-  Kernel<cl_uint, HexplaneGrid, cl_int, cl_float, In<float>, Out<cl_uint>, Out<float>>
-      hexplane_sum_planes_;
+  Kernel<cl_uint, HexplaneGrid, TimeRows, In<float>, Out<cl_uint>, Out<float>> hexplane_sum_planes_;
   Kernel<HexplaneGrid, cl_float, cl_float, cl_float, In<float>, Out<cl_uint>, Out<float>>
       hexplane_regularize_;
   NetworkBackward network_;

@@ -2,6 +2,8 @@
 // The hexplane field in double, written from its formulas (shared/motion/hexplane.h): planes,
 // features, network, shift, and their derivatives; and the regularisation of the planes.
 #pragma once
+#include <map>
+
 #include "optim/motion/hexplane_options.hpp"
 #include "optim/reference/network.hpp"
 #include "optim/reference/parameters.hpp"
@@ -50,6 +52,27 @@ inline HexplanePlace place_of(double unit, double per_unit, size_t count) {
   return {cell, x - double(cell), unit >= 0 && unit <= 1 ? per_unit * double(count - 1) : 0};
 }
 
+// Rows in time and their weights at a time in [0, 1]. Of a cubic B-spline: its basis functions,
+// with rows -1 and `count`, which continue the line through the two rows at that end.
+inline std::map<size_t, double> time_weights(double unit, size_t count, bool spline) {
+  if (count < 2) return {{0, 1}};
+  const double x = std::clamp(unit, 0.0, 1.0) * double(count - 1);
+  const auto basis = [&](double away) {
+    const double d = std::fabs(away);
+    if (!spline) return std::max(1 - d, 0.0);
+    return d >= 2 ? 0 : std::pow(2 - d, 3) / 6 - (d < 1 ? 4 * std::pow(1 - d, 3) / 6 : 0);
+  };
+  std::map<size_t, double> weights;
+  const auto add = [&](size_t row, double weight) {
+    if (weight != 0) weights[row] += weight;
+  };
+  for (size_t k = 0; k < count; ++k) add(k, basis(x - double(k)));
+  const double before = basis(x + 1), after = basis(x - double(count));
+  add(0, 2 * before), add(1, -before);
+  add(count - 1, 2 * after), add(count - 2, -after);
+  return weights;
+}
+
 // A row of the planes that contributes to a factor of the features, its weight, and the derivative
 // of the weight by the mean.
 struct HexplaneTerm {
@@ -63,27 +86,28 @@ inline std::array<std::vector<HexplaneTerm>, 6> hexplane_terms(const HexplaneLev
                                                                const double (&mean)[3],
                                                                double time_unit) {
   const HexplaneShape& shape = level.shape;
-  HexplanePlace on[4];  // x y z t
+  HexplanePlace on[3];
   for (size_t axis = 0; axis < 3; ++axis) {
     const double size = 2 * double(shape.half_size[axis]);
     const double low = double(shape.centre[axis]) - 0.5 * size;
     on[axis] = place_of((mean[axis] - low) / size, 1 / size, level.resolution);
   }
-  on[3] = place_of(time_unit, 0, size_t(shape.times));
+  const std::map<size_t, double> times =
+      time_weights(time_unit, size_t(shape.times), shape.time_spline != 0);
   const size_t r = level.resolution, axes[6][2] = {{0, 1}, {0, 2}, {1, 2}, {0, 3}, {1, 3}, {2, 3}};
   std::array<std::vector<HexplaneTerm>, 6> terms;
   for (size_t f = 0; f < 6; ++f) {
     const size_t u = axes[f][0], v = axes[f][1];
-    for (size_t b = 0; b < (v == 3 && shape.times < 2 ? 1 : 2); ++b)
+    std::map<size_t, double> rows = times;
+    if (v < 3) rows = {{on[v].cell, 1 - on[v].share}, {on[v].cell + 1, on[v].share}};
+    for (const auto& [row, wv] : rows)
       for (size_t a = 0; a < 2; ++a) {
         const double wu = a ? on[u].share : 1 - on[u].share;
-        const double wv = b ? on[v].share : 1 - on[v].share;
-        const size_t cell_u = on[u].cell + a, cell_v = on[v].cell + b;
+        const size_t cell_u = on[u].cell + a;
         HexplaneTerm term{level.start, wu * wv, {}};
-        term.row +=
-            f < 3 ? (f * r + cell_v) * r + cell_u : 3 * r * r + (cell_v * 3 + u) * r + cell_u;
+        term.row += f < 3 ? (f * r + row) * r + cell_u : 3 * r * r + (row * 3 + u) * r + cell_u;
         term.slope[u] += (a ? 1 : -1) * on[u].slope * wv;
-        if (v < 3) term.slope[v] += (b ? 1 : -1) * on[v].slope * wu;
+        if (v < 3) term.slope[v] += (row > on[v].cell ? 1 : -1) * on[v].slope * wu;
         terms[f].push_back(term);
       }
   }

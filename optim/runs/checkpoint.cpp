@@ -55,6 +55,7 @@ ModelShape shape_of(const OrderedJson& json, const std::string& path) {
   shape.motion = MotionModelKind(name - names.begin());
   shape.sh_degree = int(number_in(json, "sh_degree", -1, 3, path));
   MotionShape::fields(shape, [&](const char* field, auto& value, double lowest, double highest) {
+    if (may_be_missing(field) && !json.contains(field)) return;
     value = std::decay_t<decltype(value)>(number_in(json, field, lowest, highest, path));
   });
   if (!json.contains("origin")) return shape;  // written by an older gflow

@@ -129,6 +129,17 @@ TEST(Model, ReadsKeysWithoutTheirScales) {
   EXPECT_EQ(read_model(folder.file("model.ply")).shape.key_scales, 0);
 }
 
+// Older versions interpolated rows in time linearly and did not say so.
+TEST(Model, FieldsOfOlderVersionsAreLinearInTime) {
+  const TemporaryFolder folder;
+  HostModel model = random_model(5, 0, MotionModelKind::hexplane);
+  model.shape.hexplane.time_spline = 1;
+  write_model(folder.file("model.ply"), model);
+  EXPECT_EQ(read_model(folder.file("model.ply")).shape.hexplane.time_spline, 1);
+  folder.write("model.ply", with_comment(contents(folder.file("model.ply")), "time_spline", ""));
+  EXPECT_EQ(read_model(folder.file("model.ply")).shape.hexplane.time_spline, 0);
+}
+
 TEST(Model, TakesTheCommentsOfOthersForTheirOwnWords) {
   const TemporaryFolder folder;
   write_model(folder.file("model.ply"), random_model(5, 0));

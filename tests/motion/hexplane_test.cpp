@@ -19,6 +19,7 @@ MotionShape small_shape(int levels = 2, int layers = 2, int times = 3) {
   shape.hexplane.levels = levels;
   shape.hexplane.layers = layers;
   shape.hexplane.times = times;
+  shape.hexplane.time_spline = 1;
   shape.hexplane.resolution = 3;
   shape.hexplane.hidden = 32;
   shape.hexplane.centre = {0.1f, -0.2f, 0.f};
@@ -36,20 +37,24 @@ void spread_planes(Queue& queue, MotionCheck& check) {
 struct HexplaneCase {
   int levels, layers, times;
   bool turn, resize;
-  int lanes = 0;  // 0: the device's own; 1: as on a GPU
+  int lanes = 0;       // 0: the device's own; 1: as on a GPU
+  bool spline = true;  // over the rows in time
 };
 class HexplaneOfSomeShapes : public testing::TestWithParam<HexplaneCase> {};
 INSTANTIATE_TEST_SUITE_P(
     Motion, HexplaneOfSomeShapes,
     testing::Values(HexplaneCase{2, 2, 3, true, true}, HexplaneCase{1, 1, 1, true, true},
                     HexplaneCase{1, 3, 4, false, true}, HexplaneCase{1, 1, 2, true, false},
-                    HexplaneCase{2, 2, 3, true, true, 1}, HexplaneCase{1, 2, 2, true, true, 4}));
+                    HexplaneCase{2, 2, 3, true, true, 1}, HexplaneCase{1, 2, 2, true, true, 4},
+                    HexplaneCase{1, 1, 7, true, true},
+                    HexplaneCase{1, 1, 6, true, true, 0, false}));
 
 TEST_P(HexplaneOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   Queue queue = test_queue(GetParam().lanes);
   MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
   shape.hexplane.turn = GetParam().turn;
   shape.hexplane.resize = GetParam().resize;
+  shape.hexplane.time_spline = GetParam().spline;
   MotionCheck check(queue, shape, 41, reference::forward_of(shape),
                     {{"planes", 0.2}, {"network", 0.15}});
   spread_planes(queue, check);
@@ -61,6 +66,7 @@ TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
   MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
   shape.hexplane.turn = GetParam().turn;
   shape.hexplane.resize = GetParam().resize;
+  shape.hexplane.time_spline = GetParam().spline;
   Random random(23);
   Named p;
   HostGroups groups;

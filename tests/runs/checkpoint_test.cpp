@@ -58,6 +58,7 @@ TEST(Checkpoint, HoldsTheShapeOfItsModel) {
     shape.hexplane.times = 5;
     shape.hexplane.centre = {-0.1f, 1e-7f, 123.456f};
     shape.hexplane.half_size = {0.3f, 1e9f, 2};
+    shape.hexplane.time_spline = 1;
     checkpoint.facts.shape = shape;
     write_checkpoint(folder.file("a.npz"), checkpoint);
     const ModelShape read = read_checkpoint(folder.file("a.npz")).facts.shape.value();
@@ -68,6 +69,29 @@ TEST(Checkpoint, HoldsTheShapeOfItsModel) {
     MotionShape::fields(read, [&](const char*, auto x, double, double) { found.push_back(x); });
     EXPECT_EQ(found, expected);
   }
+}
+
+// Older versions interpolated rows in time linearly and did not say so.
+TEST(Checkpoint, FieldsOfOlderVersionsAreLinearInTime) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.npz");
+  Checkpoint checkpoint = some_checkpoint(20);
+  ModelShape shape;
+  shape.motion = MotionModelKind::hexplane;
+  shape.hexplane.time_spline = 1;
+  shape.hexplane.times = 5;
+  checkpoint.facts.shape = shape;
+  write_checkpoint(path, checkpoint);
+  Arrays arrays = read_npz(path);
+  auto& bytes = std::get<std::vector<uint8_t>>(arrays.at("facts").values);
+  std::string text(bytes.begin(), bytes.end());
+  const std::string number = ",\"time_spline\":1";
+  ASSERT_NE(text.find(number), std::string::npos) << text;
+  text.erase(text.find(number), number.size());
+  bytes.assign(text.begin(), text.end());
+  arrays.at("facts").shape = {text.size()};
+  write_npz(path, arrays);
+  EXPECT_EQ(read_checkpoint(path).facts.shape->hexplane.time_spline, 0);
 }
 
 TEST(Checkpoint, ShapesThatNoModelHasAreRefused) {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The deformation field of the hexplane model (Cao & Johnson 2023; Wu et al. 2024, 4DGaussians).
-// Six planes of features over the pairs of x y z t, at each of L levels, are read bilinearly at a
-// Gaussian's canonical mean and the time, and multiplied within a level:
+// Six planes of features over the pairs of x y z t, at each of L levels, are read at a Gaussian's
+// canonical mean, linearly, and at the time (HexplaneShape::time_spline), and multiplied within a
+// level:
 //   f_l = XY_l(x, y) XZ_l(x, z) YZ_l(y, z) XT_l(x, t) YT_l(y, t) ZT_l(z, t)   [C channels]
-// The levels, concatenated, are the input of a network (network.h). Its output o is the shift: mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3).
+// The levels, concatenated, are the input of a network (network.h). Its output o is the shift:
+//   mean half_size o[0..2], quat o[3..6], log_scales 3 tanh(o[7..9] / 3)
 // The tanh limits the change of a size to e^3 = 20 times: without it, sizes of 1e28 and 0 occur
 // where no image constrains the field.
 //
@@ -50,6 +52,12 @@ static inline GridPlace grid_place(real x, real centre, real half_size, int reso
   p.per_world = u == inside ? (real)0.5f * (real)(resolution - 1) / half_size : (real)0;
   return p;
 }
+
+// Rows in time that a moment reads, row .. row + 3, and their weights. A row outside has weight 0.
+typedef struct TimeRows {
+  int row;
+  float weight[4];
+} TimeRows;
 
 // The change of a log scale for a network output, and its derivative, given the change.
 static inline real log_scale_change(real output) {
