@@ -17,39 +17,121 @@ typedef union LaneFloats {
   float row[LANES];
 } LaneFloats;
 
-// The places of the nodes, axis by axis, with columns of a multiple of LANES; what is beyond the
-// last node is far away. One work-item per entry of a column.
+// What Gaussians look up of the nodes: [4, length] x, y, z and 1 / radius^2, then the boxes around
+// each NODE_GROUP of them, [6, node_boxes(length)]: least x y z, greatest x y z. What is beyond the
+// last node is far away. One work-item per entry of a column of places.
 kernel void nodes_columns(const uint nodes, const uint length, global const float* restrict places,
-                          global float* restrict columns) {  // [3, length]
-  const uint k = get_global_id(0);
+                          global const float* restrict log_radii, global float* restrict columns) {
+  const uint k = get_global_id(0), groups = node_boxes(length);
   if (k >= length) return;
   const real3 p = k < nodes ? load3(places, k) : make_real3(FAR, FAR, FAR);
   columns[k] = p.x;
   columns[length + k] = p.y;
   columns[2 * length + k] = p.z;
+  columns[3 * length + k] = k < nodes ? exp(-2.f * log_radii[k]) : 0.f;
+  if (k >= groups) return;
+  const uint begin = k * NODE_GROUP, end = min(nodes, begin + NODE_GROUP);
+  real3 least = make_real3(FAR, FAR, FAR), most = begin < end ? -least : least;
+  for (uint j = begin; j < end; ++j) least = fmin(least, load3(places, j));
+  for (uint j = begin; j < end; ++j) most = fmax(most, load3(places, j));
+  global float* boxes = columns + 4 * length;
+  boxes[k] = least.x, boxes[groups + k] = least.y, boxes[2 * groups + k] = least.z;
+  boxes[3 * groups + k] = most.x, boxes[4 * groups + k] = most.y, boxes[5 * groups + k] = most.z;
 }
 
-// The nearest nodes of a place, nearest first, without node `self`; the first ones of equally near
-// ones.
-static inline void nearest_nodes(real3 m, uint self, uint length, global const float* columns,
-                                 uint* near) {
-  float best[NODE_NEIGHBOURS];
-  for (int k = 0; k < NODE_NEIGHBOURS; ++k) best[k] = INFINITY, near[k] = 0;
-  for (uint first = 0; first < length; first += LANES) {
+// Bit r is set where lane r of a comparison is true; the number of the lowest set bit.
+static inline uint lanes_where(lane_int mask) {
+#if LANES == 1
+  return mask != 0;
+#else
+  return (uint)lane_any(mask & ((lane_int)(1) << ROW_COLUMN));
+#endif
+}
+static inline uint lowest(uint bits) { return 31 - clz(bits & -bits); }
+
+typedef struct Nearest {  // nearest first; the first ones of equally near ones
+  float squared[NODE_NEIGHBOURS];
+  uint node[NODE_NEIGHBOURS];
+} Nearest;
+
+// Adds the nodes of a group, without node `self`.
+static inline void meet_group(real3 m, uint self, uint group, uint length,
+                              global const float* columns, Nearest* near) {
+  const int last = NODE_NEIGHBOURS - 1;
+  for (uint first = group * NODE_GROUP; first < (group + 1) * NODE_GROUP; first += LANES) {
     const lane x = ROW_LOAD(columns + first) - m.x;
     const lane y = ROW_LOAD(columns + length + first) - m.y;
     const lane z = ROW_LOAD(columns + 2 * length + first) - m.z;
     LaneFloats squared;
     squared.all = fma(x, x, fma(y, y, z * z));
-    if (!lane_any(squared.all < TO_LANE(best[NODE_NEIGHBOURS - 1]))) continue;
-    for (int r = 0; r < LANES; ++r) {
-      if (!(squared.row[r] < best[NODE_NEIGHBOURS - 1]) || first + r == self) continue;
-      int place = NODE_NEIGHBOURS - 1;
-      for (; place > 0 && squared.row[r] < best[place - 1]; --place)
-        best[place] = best[place - 1], near[place] = near[place - 1];
-      best[place] = squared.row[r], near[place] = first + r;
+    for (uint left = lanes_where(squared.all <= TO_LANE(near->squared[last])); left;
+         left &= left - 1) {
+      const uint r = lowest(left), k = first + r;
+      const float d = squared.row[r];
+      if (!(d <= near->squared[last]) || k == self) continue;
+      int place = NODE_NEIGHBOURS;
+      for (; place > 0; --place) {
+        const float other = near->squared[place - 1];
+        if (other < d || (other == d && near->node[place - 1] <= k)) break;
+        if (place <= last) {
+          near->squared[place] = other;
+          near->node[place] = near->node[place - 1];
+        }
+      }
+      if (place <= last) near->squared[place] = d, near->node[place] = k;
     }
   }
+}
+
+// Squared distances from a place to LANES boxes, at most those to the nodes in them.
+static inline lane box_distances(real3 m, uint group, uint length, global const float* columns) {
+  const uint groups = node_boxes(length);
+  global const float* box = columns + 4 * length + group;
+  const lane none = TO_LANE(0.f);
+  const lane x = fmax(none, fmax(ROW_LOAD(box) - m.x, m.x - ROW_LOAD(box + 3 * groups)));
+  const lane y = fmax(none, fmax(ROW_LOAD(box + groups) - m.y, m.y - ROW_LOAD(box + 4 * groups)));
+  const lane z =
+      fmax(none, fmax(ROW_LOAD(box + 2 * groups) - m.z, m.z - ROW_LOAD(box + 5 * groups)));
+  return fma(x, x, fma(y, y, z * z));
+}
+
+// The squared distance of the farthest of these nodes, if they are NODE_NEIGHBOURS different ones
+// below `nodes`; else infinity.
+static inline float reach(real3 m, uint nodes, uint length, global const float* columns,
+                          global const uint* near) {
+  float most = 0.f;
+  for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+    const uint node = near[k];
+    if (node >= nodes) return INFINITY;
+    for (int j = 0; j < k; ++j)
+      if (near[j] == node) return INFINITY;
+    const float x = columns[node] - m.x, y = columns[length + node] - m.y,
+                z = columns[2 * length + node] - m.z;
+    most = fmax(most, fma(x, x, fma(y, y, z * z)));
+  }
+  return most;
+}
+
+// The nearest nodes of a place, without node `self`. `most`: a squared distance within which
+// NODE_NEIGHBOURS of them are, which saves looking farther; infinity if not known.
+static inline void nearest_nodes(real3 m, uint self, float most, uint length,
+                                 global const float* columns, global uint* found) {
+  Nearest near;
+  const uint none = most < INFINITY ? UINT_MAX : 0;  // found nodes come before it
+  for (int k = 0; k < NODE_NEIGHBOURS; ++k) near.squared[k] = most, near.node[k] = none;
+  const uint groups = node_boxes(length);
+  for (uint g = 0; g < groups; g += LANES) {
+    LaneFloats away;
+    away.all = box_distances(m, g, length, columns);
+    for (uint left = lanes_where(away.all <= TO_LANE(near.squared[NODE_NEIGHBOURS - 1])); left;
+         left &= left - 1) {
+      const uint r = lowest(left);
+      if (away.row[r] <= near.squared[NODE_NEIGHBOURS - 1] && away.row[r] < INFINITY)
+        meet_group(m, self, g + r, length, columns, &near);
+    }
+  }
+  for (int k = 0; k < NODE_NEIGHBOURS; ++k)
+    found[k] = near.node[k] == UINT_MAX ? 0 : near.node[k];  // the place is not a number
 }
 
 // The nearest other nodes of each node. One work-item per node.
@@ -58,9 +140,7 @@ kernel void nodes_links(const uint nodes, const uint length, global const float*
                         global uint* restrict links) {  // [nodes, NODE_NEIGHBOURS]
   const uint k = get_global_id(0);
   if (k >= nodes) return;
-  uint near[NODE_NEIGHBOURS];
-  nearest_nodes(load3(places, k), k, length, columns, near);
-  for (int j = 0; j < NODE_NEIGHBOURS; ++j) links[NODE_NEIGHBOURS * k + j] = near[j];
+  nearest_nodes(load3(places, k), k, INFINITY, length, columns, links + NODE_NEIGHBOURS * k);
 }
 
 // Evaluates the field at the nodes first .. first + BLOCK - 1; those beyond the last repeat it.
@@ -99,20 +179,40 @@ static inline BasisPose load_pose(uint k, global const float* poses, global cons
   return p;
 }
 
+// The nearest nodes of the Gaussians of a view. Those of the last step tell how far to look, so
+// `near` may hold anything before. A kernel of its own, because OpenCL on a CPU makes SIMD of the
+// Gaussians in nodes_fwd only where it has no such loops: three times as fast.
+kernel void nodes_near(const uint n, const uint nodes, const int first,
+                       global const uint* restrict rows,
+                       global const uint* restrict tiles_touched,  // [n] read if not first
+                       global const float* restrict means, const uint length,
+                       global const float* restrict columns,
+                       global uint* restrict near) {  // [n, NODE_NEIGHBOURS]
+  const uint k = get_global_id(0);
+  if (k >= n || (!first && tiles_touched[k] == 0)) return;
+  const real3 m = load3(means, view_row(k, rows));
+  global uint* own = near + NODE_NEIGHBOURS * k;
+  nearest_nodes(m, UINT_MAX, reach(m, nodes, length, columns, own), length, columns, own);
+}
+
 typedef struct Following {  // of a Gaussian
   uint near[NODE_NEIGHBOURS];
+  float sharpness[NODE_NEIGHBOURS];  // 1 / radius^2
   float exponents[NODE_NEIGHBOURS], weights[NODE_NEIGHBOURS];
 } Following;
 
-static inline Following following(real3 m, uint length, global const float* columns,
-                                  global const float* places, global const float* log_radii) {
+static inline Following following(real3 m, global const uint* near, uint length,
+                                  global const float* columns, global const float* places) {
   Following f;
-  nearest_nodes(m, UINT_MAX, length, columns, f.near);
   for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+    f.near[k] = near[k];
     const real3 arm = m - load3(places, f.near[k]);
-    f.exponents[k] = node_exponent(dot(arm, arm), log_radii[f.near[k]]);
+    f.sharpness[k] = columns[3 * length + f.near[k]];
+    f.exponents[k] = 0.5f * dot(arm, arm) * f.sharpness[k];
   }
-  node_weights(f.exponents, f.weights);
+  const float4 e = vload4(0, f.exponents);  // one exp() of four is much faster than four
+  const float4 w = exp(fmin(fmin(e.x, e.y), fmin(e.z, e.w)) - e);
+  vstore4(w / (w.x + w.y + w.z + w.w), 0, f.weights);
   return f;
 }
 
@@ -136,9 +236,9 @@ static inline Shift no_shift(void) {
   return d;
 }
 
-#define NODES_IN                                                                                  \
-  const uint length, global const float *restrict places, global const float *restrict log_radii, \
-      global const float *restrict poses, global const float *restrict columns
+#define NODES_IN                                                                              \
+  const uint length, global const float *restrict places, global const float *restrict poses, \
+      global const float *restrict columns, global const uint *restrict near
 
 kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int first,
                       global const uint* restrict rows,
@@ -154,7 +254,7 @@ kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int
                            opacities_at))
     return;
   const Canonical g = load_canonical(i, CANONICAL_ROWS);
-  const Following f = following(g.mean, length, columns, places, log_radii);
+  const Following f = following(g.mean, near + NODE_NEIGHBOURS * k, length, columns, places);
   store_shifted(k, shifted_at(follow(g, &f, poses, places), no_shift(), t), means_at, factors_at,
                 opacities_at);
 }
@@ -177,7 +277,7 @@ kernel void nodes_bwd(const uint n, const uint chunk_length, const uint nodes, c
     const uint i = view_row(entry, rows);
     const Canonical canonical = load_canonical(i, CANONICAL_ROWS);
     const real3 m = canonical.mean;
-    const Following f = following(m, length, columns, places, log_radii);
+    const Following f = following(m, near + NODE_NEIGHBOURS * entry, length, columns, places);
     Canonical v =
         shifted_vjp(follow(canonical, &f, poses, places), no_shift(), t, load3(v_means_at, entry),
                     load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
@@ -200,7 +300,7 @@ kernel void nodes_bwd(const uint n, const uint chunk_length, const uint nodes, c
       const real3 carried =
           (mat3_transposed_times(quat_to_rotmat(p.quat), v_mean) - v_mean) * f.weights[k];
       const float v_exponent = f.weights[k] * (middle - v_weights[k]);
-      const real3 pulled = (m - p.pivot) * (v_exponent * exp(-2.f * log_radii[node]));
+      const real3 pulled = (m - p.pivot) * (v_exponent * f.sharpness[k]);
       v.mean += carried + pulled;
       blend += basis_turn(p) * f.weights[k];
       const real3 v_place = -carried - pulled;

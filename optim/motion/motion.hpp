@@ -55,7 +55,7 @@ class Motion {
     return false;
   }
 
-  // Backward pass: from the gradients of the loss by the Gaussians at time t to those by the
+  // Backward pass, after at() with these parameters: from the gradients of the loss by the Gaussians at time t to those by the
   // parameters, for the entries of `rows` with tiles_touched > 0. `first`: t is the rendered time;
   // marks the rows as seen in this training step and starts their gradients. Otherwise t is the
   // second time and gradients are added. Rows of other tables start when they are first seen in a

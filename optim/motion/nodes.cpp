@@ -26,6 +26,26 @@ Chunks node_chunks(size_t nodes) {
   return chunks;
 }
 
+// Sorts points so that each NODE_GROUP of them lies together: halves them along their longest axis,
+// again and again. points: rows of `xyz`.
+void sort_into_groups(const std::vector<float>& xyz, size_t* begin, size_t* end) {
+  const size_t groups = (size_t(end - begin) + NODE_GROUP - 1) / NODE_GROUP;
+  if (groups < 2) return;
+  size_t axis = 0;
+  float longest = -1;
+  for (size_t c = 0; c < 3; ++c) {
+    const auto [low, high] = std::minmax_element(
+        begin, end, [&](size_t a, size_t b) { return xyz[3 * a + c] < xyz[3 * b + c]; });
+    const float length = xyz[3 * *high + c] - xyz[3 * *low + c];
+    if (length > longest) longest = length, axis = c;
+  }
+  std::stable_sort(begin, end,
+                   [&](size_t a, size_t b) { return xyz[3 * a + axis] < xyz[3 * b + axis]; });
+  size_t* middle = begin + groups / 2 * NODE_GROUP;
+  sort_into_groups(xyz, begin, middle);
+  sort_into_groups(xyz, middle, end);
+}
+
 }  // namespace
 
 std::vector<TableSpec> nodes_tables(const MotionShape& shape) {
@@ -42,7 +62,8 @@ void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first) {
   const size_t nodes = count_of(shape);
   const std::vector<float>& means = groups.at("means");
   if (means.empty()) return;
-  const std::vector<size_t> chosen = farthest_points(means, first, nodes);
+  std::vector<size_t> chosen = farthest_points(means, first, nodes);
+  sort_into_groups(means, chosen.data(), chosen.data() + chosen.size());
   std::vector<float>& places = groups["node_places"];
   for (size_t k = 0; k < nodes; ++k)
     for (size_t c = 0; c < 3; ++c) places[3 * k + c] = means[3 * chosen[k % chosen.size()] + c];
@@ -62,12 +83,13 @@ void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first) {
 NodesMotion::NodesMotion(Queue& queue, const MotionShape& shape)
     : shape_(shape),
       nodes_(count_of(shape)),
-      length_((nodes_ + 15) / 16 * 16),
+      length_((nodes_ + NODE_GROUP - 1) / NODE_GROUP * NODE_GROUP),
       block_(queue.lanes == 1 ? 1 : 32),
       rigidity_(shape.own_numbers().real("rigidity")),
       program_(queue, "motion/nodes.cl", field_defines(shape.hexplane)),
       nodes_columns_(program_, "nodes_columns"),
       nodes_links_(program_, "nodes_links"),
+      nodes_near_(program_, "nodes_near"),
       nodes_pose_(program_, "nodes_pose"),
       nodes_fwd_(program_, "nodes_fwd"),
       nodes_bwd_(program_, "nodes_bwd"),
@@ -77,11 +99,11 @@ NodesMotion::NodesMotion(Queue& queue, const MotionShape& shape)
       canonical_rows_(queue) {}
 
 void NodesMotion::pose(Queue& queue, const Parameters& p) {
-  columns_.ensure(queue, 3 * length_);
+  columns_.ensure(queue, 4 * length_ + 6 * node_boxes(cl_uint(length_)));
   outputs_.ensure(queue, nodes_ * NETWORK_OUTPUTS);
   poses_.ensure(queue, nodes_ * 7);
   nodes_columns_(queue, Range::over(length_), cl_uint(nodes_), cl_uint(length_),
-                 p["node_places"].values, columns_);
+                 p["node_places"].values, p["node_log_radii"].values, columns_);
   nodes_pose_(queue, Range::over((nodes_ + block_ - 1) / block_, block_ == 1 ? kNodesGroup : 1),
               cl_uint(nodes_), field_.grid(), p["node_places"].values, p["planes"].values,
               field_.lines(), p["network"].values, outputs_, poses_);
@@ -93,11 +115,14 @@ void NodesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
   gaussians.ensure(queue, n);
   field_.cut(queue, p, t);
   pose(queue, p);
+  near_.ensure(queue, n * NODE_NEIGHBOURS);
+  nodes_near_(queue, Range::over(n), cl_uint(n), cl_uint(nodes_), int(!seen), rows.buffer(),
+              seen ? *seen : p.rows.seen, p["means"].values, cl_uint(length_), columns_, near_);
   nodes_fwd_(queue, Range::over(n), cl_uint(n), t, window_sigmas(shape_.cutoff), int(!seen),
              rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
              p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-             cl_uint(length_), p["node_places"].values, p["node_log_radii"].values, poses_,
-             columns_, gaussians.means, gaussians.factors, gaussians.opacities);
+             cl_uint(length_), p["node_places"].values, poses_, columns_, near_, gaussians.means,
+             gaussians.factors, gaussians.opacities);
 }
 
 void NodesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
@@ -105,6 +130,7 @@ void NodesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                            const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                            const RowList& rows) {
   const size_t n = rows.count_of(p);
+  if (near_.size() < n * NODE_NEIGHBOURS) throw Error("nodes: backward() needs at() before it");
   const cl_uint nodes = cl_uint(nodes_), length = cl_uint(length_);
   const Chunks parts = node_chunks(nodes_);
   field_.begin(queue, p, t, nodes_, parts);
@@ -114,9 +140,9 @@ void NodesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   nodes_bwd_(queue, Range::groups(chunks.count, 1), cl_uint(n), chunks.length, nodes, t, int(first),
              rows.buffer(), p["means"].values, p["means_t"].values, p["quats"].values,
              p["log_scales"].values, p["logit_opacities"].values, length, p["node_places"].values,
-             p["node_log_radii"].values, poses_, columns_, tiles_touched, v_means, v_factors,
-             v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
-             p["log_scales"].grads, p["logit_opacities"].grads, sums_);
+             poses_, columns_, near_, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
+             p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
+             p["logit_opacities"].grads, sums_);
   links_.ensure(queue, nodes_ * NODE_NEIGHBOURS);
   v_outputs_.ensure(queue, nodes_ * NETWORK_OUTPUTS);
   nodes_links_(queue, Range::over(nodes_), nodes, length, p["node_places"].values, columns_,

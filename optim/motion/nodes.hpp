@@ -44,16 +44,19 @@ class NodesMotion : public Motion {
   size_t nodes_, length_, block_;  // length_: of columns_
   float rigidity_;
   Program program_;
-  Kernel<cl_uint, cl_uint, In<float>, Out<float>> nodes_columns_;
+  Kernel<cl_uint, cl_uint, In<float>, In<float>, Out<float>> nodes_columns_;
   Kernel<cl_uint, cl_uint, In<float>, In<float>, Out<cl_uint>> nodes_links_;
+  Kernel<cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, In<float>, cl_uint, In<float>,
+         Out<cl_uint>>
+      nodes_near_;
   Kernel<cl_uint, HexplaneGrid, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>>
       nodes_pose_;
   Kernel<cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, cl_uint, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, cl_uint, In<float>, In<float>, In<float>, In<cl_uint>,
          Out<float>, Out<float>, Out<float>>
       nodes_fwd_;
   Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, cl_uint, In<float>, In<float>, In<float>, In<float>, In<cl_uint>,
+         In<float>, In<float>, cl_uint, In<float>, In<float>, In<float>, In<cl_uint>, In<cl_uint>,
          In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>, Out<float>>
       nodes_bwd_;
@@ -67,7 +70,7 @@ class NodesMotion : public Motion {
   CanonicalRows canonical_rows_;
   Buffer<float> columns_{"node columns"}, outputs_{"node outputs"}, poses_{"node poses"};
   Buffer<float> sums_{"node sums"}, v_outputs_{"v_node_outputs"};
-  Buffer<cl_uint> links_{"node links"}, used_{"nodes used"};
+  Buffer<cl_uint> near_{"near nodes"}, links_{"node links"}, used_{"nodes used"};
 };
 
 }  // namespace gflow

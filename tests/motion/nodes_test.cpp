@@ -27,11 +27,12 @@ MotionShape small_shape(const NodesCase& of) {
   HexplaneOptions& field = options.hexplane;
   field.levels = 1;
   field.layers = of.layers;
-  field.times = 3;
+  field.times = 5;
   field.resolution = 2;
   field.hidden = 32;
   MotionShape shape = motion_shape(MotionModelKind::nodes, options, 3);
   shape.duration = 2;
+  shape.hexplane.time_spline = 1;
   shape.hexplane.centre = {0.1f, -0.2f, 0.f};
   shape.hexplane.half_size = {1.f, 1.5f, 0.75f};
   return shape;
@@ -59,6 +60,23 @@ TEST_P(NodesOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
 }
 
+// More than one vector of boxes, boxes that overlap, a last group that is not full, and Gaussians
+// whose nodes change: the search starts from those of the last time.
+TEST(Nodes, FollowTheNearestOfManyAsTheyMove) {
+  for (const int lanes : {0, 1, 4}) {
+    Queue queue = test_queue(lanes);
+    const MotionShape shape = small_shape({531, 1, lanes});
+    MotionCheck check(queue, shape, 40, reference::forward_of(shape), {{"network", 0.15}});
+    spread_planes(queue, check);
+    Random random(11);
+    for (int round = 0; round < 3; ++round) {
+      check.expect_same_gaussians(0.3, {1e-5, 1e-5});
+      for (double& x : check.values().at("means")) x = double(float(x + 0.3 * random()));
+      check.parameters()["means"].values.write(queue, to_float(check.values().at("means")));
+    }
+  }
+}
+
 // Gradients of the outputs of the network by the rigidity alone, since no Gaussian is seen.
 TEST(Nodes, RigidityHasTheGradientOfCentralDifferences) {
   Queue queue = test_queue();
@@ -68,6 +86,8 @@ TEST(Nodes, RigidityHasTheGradientOfCentralDifferences) {
   Parameters& p = check.parameters();
   const Buffer<cl_uint> none(queue, std::vector<cl_uint>(2, 0u), "touched");
   const Buffer<float> zero(queue, std::vector<float>(18, 0.f), "zero");
+  GaussiansAt at;
+  check.motion().at(queue, p, 0.6f, nullptr, at);
   check.motion().backward(queue, p, 0.6f, true, none, zero, zero, zero);
   const Named values = check.values();
   const auto expected = numeric_gradient(
@@ -131,6 +151,8 @@ TEST(Nodes, GradientsOfManyGaussiansAreTheSumOfThoseOfFew) {
   Random random(5);
   for (float& x : v) x = float(random());
   const Buffer<float> v_all(queue, v, "v");
+  GaussiansAt at;
+  check.motion().at(queue, p, 0.7f, nullptr, at);
   const auto gradients = [&](const std::vector<cl_uint>& touched) {
     p.forget_seen(queue);
     check.motion().backward(queue, p, 0.7f, true, Buffer<cl_uint>(queue, touched, "touched"), v_all,

@@ -109,6 +109,8 @@ class MotionCheck {
       return Buffer<float>(queue_, to_float(v), "v");
     };
     const Buffer<float> opacity = upload(o1);
+    GaussiansAt at;
+    motion_->at(queue_, p_, float(t1), nullptr, at);
     motion_->backward(queue_, p_, float(t1), true, seen, upload(m1), upload(f1), opacity);
     motion_->backward(queue_, p_, float(t2), false, seen, upload(m2), upload(f2), opacity);
 

@@ -5,15 +5,19 @@
 // with the pivot p_k. A Gaussian with the
 // canonical mean m blends the poses of its nearest nodes with the weights
 //   a_k = exp(-e_k) / sum_j exp(-e_j),   e_k = |m - p_k|^2 / (2 r_k^2)
-// The output o of the field at p_k (hexplane.h) turns node k by (1 0 0 0) + o[3..6], normalised, and
-// shifts it by half_size o[0..2].
+// The output o of the field at p_k (hexplane.h) turns node k by (1 0 0 0) + o[3..6], normalised,
+// and shifts it by half_size o[0..2].
 #ifndef GFLOW_NODES_H
 #define GFLOW_NODES_H
 #include "shared/motion/bases.h"
 #include "shared/motion/hexplane.h"
 
 #define NODE_NEIGHBOURS 4
-#define NODE_SUMS 11      // per node: quaternion, shift, place, log radius
+#define NODE_GROUP 16  // consecutive nodes with a common box
+#define NODE_SUMS 11   // per node: quaternion, shift, place, log radius
+
+// Boxes for `length` nodes, a multiple of NODE_GROUP: one per group, in whole lanes.
+static inline uint node_boxes(uint length) { return (length / NODE_GROUP + 15) / 16 * 16; }
 
 // The pose for outputs o of the network. turn: the quaternion before it is normalised.
 static inline real4 node_turn(const real* o) {
@@ -38,18 +42,6 @@ static inline void node_pose_vjp(HexplaneGrid grid, const real* o, real4 v_unit,
   v_o[4] = v_quat.y;
   v_o[5] = v_quat.z;
   v_o[6] = v_quat.w;
-}
-
-// e of a node at a squared distance, with the logarithm of its radius.
-static inline real node_exponent(real squared, real log_radius) {
-  return (real)0.5f * squared * exp((real)-2 * log_radius);
-}
-// The weights, from e of the neighbours.
-static inline void node_weights(const real* exponents, real* weights) {
-  real least = exponents[0], sum = 0;
-  for (int k = 1; k < NODE_NEIGHBOURS; ++k) least = fmin(least, exponents[k]);
-  for (int k = 0; k < NODE_NEIGHBOURS; ++k) sum += weights[k] = exp(least - exponents[k]);
-  for (int k = 0; k < NODE_NEIGHBOURS; ++k) weights[k] /= sum;
 }
 
 // Rigidity between node a and its neighbour b (embedded deformation): how far b is from where a
