@@ -62,13 +62,6 @@ static inline Canonical follow(uint i, Canonical g, int bases, global const floa
   return blended(g, shift, turn);
 }
 
-static inline Shift no_shift(void) {
-  Shift d;
-  d.mean = d.log_scales = make_real3(0.f, 0.f, 0.f);
-  d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
-  return d;
-}
-
 kernel void bases_fwd(const uint n, const uint moving, const int bases, const float t,
                       const float sigmas, const int first, global const uint* restrict rows,
                       global const uint* restrict tiles_touched,  // [n] read if not first

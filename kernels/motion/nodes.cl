@@ -229,13 +229,6 @@ static inline Canonical follow(Canonical g, const Following* f, global const flo
   return blended(g, shift, turn);
 }
 
-static inline Shift no_shift(void) {
-  Shift d;
-  d.mean = d.log_scales = make_real3(0.f, 0.f, 0.f);
-  d.quat = make_real4(0.f, 0.f, 0.f, 0.f);
-  return d;
-}
-
 #define NODES_IN                                                                              \
   const uint length, global const float *restrict places, global const float *restrict poses, \
       global const float *restrict columns, global const uint *restrict near

@@ -21,6 +21,12 @@ typedef struct Shift {
   real4 quat;
   real3 log_scales;
 } Shift;
+static inline Shift no_shift(void) {
+  Shift d;
+  d.mean = d.log_scales = make_real3(0, 0, 0);
+  d.quat = make_real4(0, 0, 0, 0);
+  return d;
+}
 
 typedef struct Shifted {
   real3 mean;
