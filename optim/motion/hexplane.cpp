@@ -78,7 +78,7 @@ const MotionModel& hexplane_model() {
     m.name = "hexplane";
     m.is_permanent = true;
     m.numbers = field_numbers();
-    m.numbers_of_gaussians = box_numbers();
+    m.kept_numbers = kept_field_numbers();
     m.set_numbers = set_field_numbers;
     m.enclose = enclose_in_box;
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {

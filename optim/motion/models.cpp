@@ -64,7 +64,7 @@ void enclose(MotionShape& shape, const std::vector<float>& means, const MotionOp
 
 void enclose_as(MotionShape& shape, const MotionShape& from) {
   MotionShape source = from;
-  for (const ShapeNumber& number : motion_model_of(shape.motion).numbers_of_gaussians) {
+  for (const ShapeNumber& number : motion_model_of(shape.motion).kept_numbers) {
     if (number.whole)
       number.whole(shape) = number.whole(source);
     else

@@ -57,11 +57,13 @@ struct MotionModel {
   // MotionShape::own.
   std::vector<OwnNumber> own;
   // Numbers of MotionShape that its arrays depend on, besides duration and cutoff; and those of
-  // them that depend on the initial Gaussians, not on settings alone.
-  std::vector<ShapeNumber> numbers, numbers_of_gaussians;
+  // them that a resumed run takes from its checkpoint, because they depend on the initial Gaussians
+  // or on what a version of gflow made of the settings.
+  std::vector<ShapeNumber> numbers, kept_numbers;
   // Sets `numbers` from the settings. time_steps: of the video, at least 1. nullptr: none to set.
   void (*set_numbers)(MotionShape&, const MotionOptions&, int time_steps) = nullptr;
-  // Sets `numbers_of_gaussians`. means [n, 3] of the initial Gaussians. nullptr: none to set.
+  // Sets those of `kept_numbers` that set_numbers() does not. means [n, 3] of the initial
+  // Gaussians. nullptr: none to set.
   void (*enclose)(MotionShape&, const std::vector<float>& means, const MotionOptions&) = nullptr;
   // Every Gaussian lasts for the whole video; one canonical pose is deformed over time.
   bool is_permanent = false;
@@ -119,7 +121,7 @@ struct MotionShape {
     field("duration", self.duration, 0.0, 1e30);
     field("cutoff", self.cutoff, below_0, 0.5);
     const MotionModel& model = motion_model_of(self.motion);
-    for (const auto* numbers : {&model.numbers, &model.numbers_of_gaussians})
+    for (const auto* numbers : {&model.numbers, &model.kept_numbers})
       for (const ShapeNumber& number : *numbers) {
         if (number.whole)
           field(number.name, member(self, number.whole), number.lowest, number.highest);

@@ -179,12 +179,12 @@ const MotionModel& nodes_model() {
     MotionModel m;
     m.name = "nodes";
     m.own = {{"count", 512, "number of nodes", between(NODE_NEIGHBOURS, 4096)},
-             {"rigidity", 0.01f,
+             {"rigidity", 0.001f,
               "weight of the squared change of the distances between neighbours, relative to them",
               at_least(0)}};
     m.is_permanent = true;
     m.numbers = field_numbers();
-    m.numbers_of_gaussians = box_numbers();
+    m.kept_numbers = kept_field_numbers();
     m.set_numbers = set_field_numbers;
     m.enclose = enclose_in_box;
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {

@@ -137,17 +137,20 @@ void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack) {
 
 std::vector<ShapeNumber> field_numbers() {
   return {{"resolution", member<&HexplaneShape::resolution>, 1, 1e4},
-          {"times", member<&HexplaneShape::times>, 0, 1e6},
           {"levels", member<&HexplaneShape::levels>, 0, 16},
           {"channels", member<&HexplaneShape::channels>, 0, 1e3},
           {"hidden", member<&HexplaneShape::hidden>, 0, 1e3},
           {"layers", member<&HexplaneShape::layers>, 0, 1e3}};
 }
 
-std::vector<ShapeNumber> box_numbers() {
-  return {{"centre_x", centre<0>, -1e30, 1e30}, {"half_size_x", half_size<0>, 0, 1e30},
-          {"centre_y", centre<1>, -1e30, 1e30}, {"half_size_y", half_size<1>, 0, 1e30},
-          {"centre_z", centre<2>, -1e30, 1e30}, {"half_size_z", half_size<2>, 0, 1e30},
+std::vector<ShapeNumber> kept_field_numbers() {
+  return {{"centre_x", centre<0>, -1e30, 1e30},
+          {"half_size_x", half_size<0>, 0, 1e30},
+          {"centre_y", centre<1>, -1e30, 1e30},
+          {"half_size_y", half_size<1>, 0, 1e30},
+          {"centre_z", centre<2>, -1e30, 1e30},
+          {"half_size_z", half_size<2>, 0, 1e30},
+          {"times", member<&HexplaneShape::times>, 0, 1e6},
           {"time_spline", time_spline, -1, 1}};
 }
 

@@ -30,9 +30,9 @@ bool is_field_static(const HexplaneShape& shape, const HostGroups& groups);
 // each axis, enlarged by the factor 1 + slack.
 void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack);
 
-// Numbers of a shape that the tables depend on, those of the box, and how both are set.
+// MotionModel::numbers and kept_numbers of the field, and how they are set.
 std::vector<ShapeNumber> field_numbers();
-std::vector<ShapeNumber> box_numbers();
+std::vector<ShapeNumber> kept_field_numbers();
 void set_field_numbers(MotionShape& shape, const MotionOptions& options, int time_steps);
 void enclose_in_box(MotionShape& shape, const std::vector<float>& means,
                     const MotionOptions& options);

@@ -65,11 +65,11 @@ void require_whole_files(Preparation& prepared, bool quiet) {
   progress.finish();
 }
 
-// The model shape of the settings, with what depends on initial Gaussians from the checkpoint.
+// The model shape of the settings, with the numbers that a run keeps from the checkpoint.
 ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& scene,
                            const TrainOptions& config, const RunFolder& run) {
   ModelShape shape = model_shape(scene, config);
-  if (!motion_model_of(shape.motion).numbers_of_gaussians.empty())
+  if (!motion_model_of(shape.motion).kept_numbers.empty())
     enclose_as(shape, kept_shape(found.checkpoint, found.path, run));
   return shape;
 }
