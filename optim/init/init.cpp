@@ -298,7 +298,7 @@ MotionModelKind motion_model(const Scene& scene, const MotionOptions& config) {
   if (config.model != MotionChoice::automatic)
     return MotionModelKind(int(config.model) - int(choice_of(MotionModelKind{})));
   const bool alone = scene.steps > 1 && scene.train.size() < 2 * size_t(scene.steps);
-  return alone ? MotionModelKind::hexplane : MotionModelKind::spacetime;
+  return alone ? MotionModelKind::nodes : MotionModelKind::spacetime;
 }
 
 ModelShape model_shape(const Scene& scene, const TrainOptions& config) {

@@ -16,8 +16,10 @@ struct HexplaneOptions {
   int layers = 2;
   float slack = 0.5f;
   int warmup = 300;
-  float curriculum = 0.5f;
+  float curriculum = 0.1f;
+  float means = 2e-4f;
   float opacity = 0.01f;
+  float grad_threshold = 1e-4f;
   bool turn = true;
   bool resize = true;
   float plane_tv = 0;
@@ -43,9 +45,16 @@ struct HexplaneOptions {
           "share of the training during which frames widen from the middle of the video to all of "
           "it; 0: all at once",
           between(0, 1));
+    field("means", self.means,
+          advanced("learning rate instead of lr.means, because one pose is seen at all times; its "
+                   "last value is in the same ratio [x scene extent]"),
+          at_least(0));
     field("opacity", self.opacity,
           advanced("learning rate instead of lr.opacity, so that lasting Gaussians do not fade "
                    "before their position is learnt"),
+          at_least(0));
+    field("grad_threshold", self.grad_threshold,
+          advanced("instead of density.grad_threshold, because gradients of many times cancel"),
           at_least(0));
     field("turn", self.turn, advanced("learn rotations over time"));
     field("resize", self.resize, advanced("learn changes of size over time"));

@@ -14,7 +14,7 @@ namespace gflow {
 constexpr int64_t kGreatestSeed = 2000000000;
 
 struct ScheduleOptions {
-  int iterations = 10000;
+  int iterations = 20000;
   int batch = 1;
   int focus = 5;
   bool sequential = false;
@@ -75,9 +75,9 @@ struct LearningRateOptions {
   float weights = 1e-2f;
   float motion = 1;
   float planes = 4e-3f;
-  float planes_final = 4e-4f;
+  float planes_final = 1e-4f;
   float network = 8e-4f;
-  float network_final = 8e-5f;
+  float network_final = 2e-5f;
   float fade = 0.3f;
   float pace = 1;
   float pace_most = 8;

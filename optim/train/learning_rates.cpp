@@ -29,7 +29,10 @@ Rates::Rates(const TrainOptions& config, const Scene& scene, const MotionShape& 
 
 float Rates::position(int step) const {
   const double share = stage_at(config_.train, std::max(scene_.steps, 1), step).share;
-  return float(scene_.extent) * between_rates(config_.lr.means, config_.lr.means_final, share);
+  const LearningRateOptions& lr = config_.lr;
+  const float first = is_permanent(shape_.motion) ? config_.motion.hexplane.means : lr.means;
+  const float ratio = lr.means > 0 ? lr.means_final / lr.means : 1;
+  return float(scene_.extent) * between_rates(first, first * ratio, share);
 }
 
 AdamRate Rates::planned(Quantity quantity, int step) const {

@@ -31,6 +31,7 @@ DensityRule density_rule(const TrainOptions& config, const Scene& scene, const M
   const float extent = float(scene.extent);
   DensityRule rule;
   static_cast<DensityOptions&>(rule) = options;
+  if (is_permanent(shape.motion)) rule.grad_threshold = config.motion.hexplane.grad_threshold;
   rule.prune_scale *= extent;
   rule.noise /= extent * extent;  // the rate is in scene units, the covariance in their square
   rule.scale_weight /= extent;
