@@ -15,6 +15,7 @@
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
 #include "optim/eval/metric_networks.hpp"
+#include "optim/options/quality.hpp"
 #include "optim/runs/train_run.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "runtime/base/decimal.hpp"
@@ -24,7 +25,7 @@ namespace gflow {
 namespace {
 
 struct TrainFlags {
-  std::string scene, run, config_file, init, cameras;
+  std::string scene, run, quality, config_file, init, cameras;
   std::vector<std::string> settings;
   int iterations = 0, resolution = 1;
   int save_every = 0;
@@ -68,6 +69,11 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
   if (flags.resume && RunFolder::is_run(flags.run))
     config = RunFolder::open(flags.run).read_config();
   const std::string command_of_run = config.guidance.command;
+  const auto qualities = names_of(Quality{});
+  const auto quality = std::find(qualities.begin(), qualities.end(), flags.quality);
+  if (quality != qualities.end())
+    for (const std::string& setting : settings_of(Quality(quality - qualities.begin())))
+      apply_setting(config, setting);
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
   const bool of_run = config.guidance.command == command_of_run;
   bool by_hand = flags.allow_command;  // allowed on the command line
@@ -155,6 +161,14 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->check(path_given())
       ->required()
       ->type_name("FOLDER");
+  command
+      ->add_option(
+          "--quality", flags->quality,
+          "How long to train: draft, about a minute on two cores; standard, about a quarter "
+          "of an hour; best, an hour or two. --config, --set and --iterations override it")
+      ->check(choice_of({"draft", "standard", "best"}))
+      ->default_str("standard")
+      ->type_name("WORD");
   command->add_option("--config", flags->config_file, "Settings in a TOML file (default: none)")
       ->check(path_given())
       ->type_name("FILE.toml");

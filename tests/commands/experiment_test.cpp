@@ -460,6 +460,9 @@ TEST_F(Experiment, TheShippedFilesAreRead) {
   for (const char* scene : {"n3v-baton", "n3v-sphere", "c4d-hammer", "c4d-fox", "dnerf-knight",
                             "consistent4d_trex", "panoptic_basketball_30"})
     fs::create_directory_symlink(scene_->path(), folder_.file(scene));
+  fs::create_directory(folder_.file("dnerf_400"));
+  for (const char* scene : {"hook", "jumpingjacks", "lego", "standup", "trex"})
+    fs::create_directory_symlink(scene_->path(), folder_.file("dnerf_400/") + scene);
   int files = 0;
   for (const auto& entry : fs::directory_iterator(GFLOW_SOURCE_DIR "/apps/experiments")) {
     if (entry.path().extension() != ".toml") continue;

@@ -26,6 +26,27 @@ TEST_F(CommandTest, TrainWritesTheRunAndNamesIt) {
   EXPECT_EQ(results["test"]["views"], 5);
 }
 
+TEST_F(CommandTest, TrainTakesAQualityThatOtherOptionsOverride) {
+  const TemporaryFolder folder;
+  const auto trained_for = [&](const std::vector<std::string>& options) {
+    std::vector<std::string> words{
+        "train", scene().path(),       "-o",    folder.file("run"),  "--overwrite", "--quiet",
+        "--set", "train.minutes=1e-6", "--set", "flow.enabled=false"};
+    words.insert(words.end(), options.begin(), options.end());
+    const Outcome outcome = gflow(words);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    TrainOptions config;
+    apply_file(config, folder.file("run/config.toml"));
+    return config.train.iterations;
+  };
+  EXPECT_EQ(trained_for({"--quality", "draft"}), 2000);
+  EXPECT_EQ(trained_for({"--quality", "standard"}), TrainOptions().train.iterations);
+  EXPECT_EQ(trained_for({"--quality", "best", "--iterations", "7"}), 7);
+  EXPECT_EQ(trained_for({"--set", "train.iterations=9", "--quality", "best"}), 9);
+  expect_refused({"train", scene().path(), "-o", folder.file("run"), "--quality", "fast"},
+                 {"--quality: 'fast'", "draft, standard or best"});
+}
+
 TEST_F(CommandTest, TrainTakesAVideoFileAndADivisor) {
   const TemporaryFolder folder;
   const std::string video = folder.file("video.mp4"), run = folder.file("run");
@@ -239,9 +260,9 @@ TEST_F(CommandTest, TrainSaysWhatIsWrongWithTheSceneOrTheSettings) {
                  {"flow.weight", "at least 0"});
   expect_refused({"train", scene().path(), "-o", out, "--config", folder.path() + "/none.toml"},
                  {"none.toml"});
-  expect_refused(
-      {"train", scene().path(), "-o", out, "--init", "visual_hull"},
-      {"--init visual_hull", "no such file", "auto, points, depth, stereo, random, visual-hull, file"});
+  expect_refused({"train", scene().path(), "-o", out, "--init", "visual_hull"},
+                 {"--init visual_hull", "no such file",
+                  "auto, points, depth, stereo, random, visual-hull, file"});
   expect_refused({"train", scene().path(), "-o", out, "--init", "file"}, {"init.file is empty"});
   expect_refused({"train", scene().path(), "-o", out, "--init", "visual-hull"}, {"no alpha"});
   fs::copy(scene().path(), folder.path() + "/tracked", fs::copy_options::recursive);

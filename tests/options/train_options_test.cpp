@@ -11,6 +11,7 @@
 #include <fstream>
 #include <functional>
 
+#include "optim/options/quality.hpp"
 #include "runtime/base/error.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -120,6 +121,18 @@ TEST(Config, EveryPresetPassesTheCheck) {
     ++presets;
   }
   EXPECT_EQ(presets, 6u);
+}
+
+TEST(Config, EveryQualityTrainsLongerThanTheOneBefore) {
+  int before = 0;
+  for (const Quality quality : {Quality::draft, Quality::standard, Quality::best}) {
+    TrainOptions config;
+    for (const std::string& setting : settings_of(quality)) apply_setting(config, setting);
+    EXPECT_NO_THROW(check(config)) << name_of(quality);
+    EXPECT_GT(config.train.iterations, before) << name_of(quality);
+    before = config.train.iterations;
+  }
+  EXPECT_TRUE(settings_of(Quality::standard).empty());  // the defaults
 }
 
 TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
