@@ -33,8 +33,10 @@ struct HexplaneOptions {
     field("channels", self.channels, advanced("features per level"), one_of({16, 32, 64}));
     field("resolution", self.resolution, "cells along x, y and z at the first level",
           between(2, 1024));
-    field("times", self.times, advanced("rows of the time planes; 0: one per four time steps"),
-          between(0, 10000));
+    field(
+        "times", self.times,
+        advanced("rows of the time planes; 0: one per four time steps, or up to 25 at one per two"),
+        between(0, 10000));
     field("hidden", self.hidden, advanced("neurons per hidden layer"), one_of({32, 64, 128, 256}));
     field("layers", self.layers, advanced("number of hidden layers"), between(1, 4));
     field("slack", self.slack, advanced("margin around the initial Gaussians [x their extent]"),

@@ -105,6 +105,13 @@ TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
   }
 }
 
+TEST(Hexplane, RowsInTimeFollowTheLengthOfTheVideo) {
+  for (const auto& [steps, rows] :
+       {std::pair{1, 1}, {2, 1}, {20, 10}, {60, 25}, {100, 25}, {200, 50}})
+    EXPECT_EQ(motion_shape(MotionModelKind::hexplane, MotionOptions(), steps).hexplane.times, rows)
+        << steps;
+}
+
 TEST(Hexplane, ASizeChangesAtMostTwentyFold) {
   MotionShape shape = small_shape();
   HostGroups groups;
