@@ -109,6 +109,7 @@ void roll_back(Queue& queue, Model& model, WarmUpImage& p) {
   GaussianGradients& g = p.gradients;
   model.color.backward(queue, parameters, model.color.bands(0, true), p.view.camera, p.gaussians,
                        seen, g);
+  model.motion->at(queue, parameters, 0, nullptr, p.gaussians);
   model.motion->backward(queue, parameters, 0, true, seen, g.v_means, g.v_factors, g.v_opacities);
   model.motion->regularize(queue, parameters, every_term);
   model.motion->set_rate_scales(queue, parameters, {1, 1, 1, 1});

@@ -75,6 +75,8 @@ double device_error(Queue& queue, const MotionShape& shape, std::string& groups)
   p.forget_seen(queue);
   const Buffer<cl_uint> seen(queue, std::vector<cl_uint>(kCount, 1u), "tiles_touched");
   const Buffer<float> by_opacity(queue, ask.opacities, "v");
+  GaussiansAt at;
+  motion->at(queue, p, float(kTimes[0]), nullptr, at);
   for (int k = 0; k < 2; ++k)
     motion->backward(queue, p, float(kTimes[k]), k == 0, seen,
                      Buffer<float>(queue, ask.means[k], "v"),
