@@ -55,11 +55,12 @@ class Motion {
     return false;
   }
 
-  // Backward pass, after at() with these parameters: from the gradients of the loss by the Gaussians at time t to those by the
-  // parameters, for the entries of `rows` with tiles_touched > 0. `first`: t is the rendered time;
-  // marks the rows as seen in this training step and starts their gradients. Otherwise t is the
-  // second time and gradients are added. Rows of other tables start when they are first seen in a
-  // step, and their range joins the table's `active`.
+  // Backward pass, after at() with these parameters: from the gradients of the loss by the
+  // Gaussians at time t to those by the parameters, for the entries of `rows` with
+  // tiles_touched > 0. `first`: t is the rendered time; marks the rows as seen in this training
+  // step and starts their gradients. Otherwise t is the second time and gradients are added. Rows
+  // of other tables start when they are first seen in a step, and their range joins the table's
+  // `active`.
   virtual void backward(Queue& queue, Parameters& parameters, float t, bool first,
                         const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                         const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
