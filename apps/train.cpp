@@ -165,7 +165,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
       ->add_option(
           "--quality", flags->quality,
           "How long to train: draft, about a minute on two cores; standard, about a quarter "
-          "of an hour; best, an hour or two. --config, --set and --iterations override it")
+          "of an hour; best, three times as long. --config, --set and --iterations override it")
       ->check(choice_of({"draft", "standard", "best"}))
       ->default_str("standard")
       ->type_name("WORD");

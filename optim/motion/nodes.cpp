@@ -27,7 +27,7 @@ Chunks node_chunks(size_t nodes) {
 }
 
 // Sorts points so that each NODE_GROUP of them lies together: halves them along their longest axis,
-// again and again. points: rows of `xyz`.
+// again and again. begin to end: rows of xyz [n, 3].
 void sort_into_groups(const std::vector<float>& xyz, size_t* begin, size_t* end) {
   const size_t groups = (size_t(end - begin) + NODE_GROUP - 1) / NODE_GROUP;
   if (groups < 2) return;
