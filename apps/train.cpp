@@ -69,11 +69,7 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
   if (flags.resume && RunFolder::is_run(flags.run))
     config = RunFolder::open(flags.run).read_config();
   const std::string command_of_run = config.guidance.command;
-  const auto qualities = names_of(Quality{});
-  const auto quality = std::find(qualities.begin(), qualities.end(), flags.quality);
-  if (quality != qualities.end())
-    for (const std::string& setting : settings_of(Quality(quality - qualities.begin())))
-      apply_setting(config, setting);
+  if (!flags.quality.empty()) apply_quality(config, flags.quality);
   if (!flags.config_file.empty()) apply_file(config, flags.config_file);
   const bool of_run = config.guidance.command == command_of_run;
   bool by_hand = flags.allow_command;  // allowed on the command line
@@ -166,7 +162,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
           "--quality", flags->quality,
           "How long to train: draft, about a minute on two cores; standard, about a quarter "
           "of an hour; best, three times as long. --config, --set and --iterations override it")
-      ->check(choice_of({"draft", "standard", "best"}))
+      ->check(choice_of({kQualities.begin(), kQualities.end()}))
       ->default_str("standard")
       ->type_name("WORD");
   command->add_option("--config", flags->config_file, "Settings in a TOML file (default: none)")

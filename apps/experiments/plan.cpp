@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "apps/experiments/metrics.hpp"
+#include "optim/options/quality.hpp"
 #include "runtime/base/printable.hpp"
 #include "runtime/base/utf8.hpp"
 #include "runtime/files/file_address.hpp"
@@ -175,7 +176,12 @@ class Reader {
 
   void apply(TrainOptions& config, const Choice& choice) const {
     for (const Setting& setting : choice.settings) try {
-        apply_setting(config, setting.key + "=" + setting.value);
+        if (setting.key == "quality") {
+          const auto word = nlohmann::json::parse(setting.value);
+          apply_quality(config, word.is_string() ? word.get<std::string>() : setting.value);
+        } else {
+          apply_setting(config, setting.key + "=" + setting.value);
+        }
       } catch (const Error& problem) {
         std::string sentence = problem.what();
         const std::string option = fmt::format("--set {}={}: ", setting.key, setting.value);

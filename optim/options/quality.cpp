@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/options/quality.hpp"
 
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "runtime/base/printable.hpp"
+
 namespace gflow {
 
-std::vector<std::string> settings_of(Quality quality) {
-  switch (quality) {
-    case Quality::draft:
-      return {"train.iterations=2000"};
-    case Quality::standard:
-      return {};
-    case Quality::best:
-      return {"train.iterations=60000"};
+void apply_quality(TrainOptions& config, const std::string& word) {
+  if (std::find(kQualities.begin(), kQualities.end(), word) == kQualities.end())
+    throw Error(
+        fmt::format("quality must be {}, not '{}'", fmt::join(kQualities, " or "), excerpt(word)));
+  if (word == "draft") {
+    config.train.iterations = 2000;
+    config.lr.planes_final = 4e-4f;  // a field with few steps must still move in its last ones
+    config.lr.network_final = 8e-5f;
   }
-  return {};
+  if (word == "best") config.train.iterations = 60000;
 }
 
 }  // namespace gflow

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// One dial for how long to train: --quality of `gflow train`.
+// One dial for how long to train: --quality of `gflow train`,
+// `quality` of an experiment.
 #pragma once
 #include <array>
 #include <string>
-#include <vector>
+
+#include "optim/options/train_options.hpp"
 
 namespace gflow {
 
-enum class Quality { draft, standard, best };
-constexpr std::array<const char*, 3> names_of(Quality) { return {"draft", "standard", "best"}; }
+constexpr std::array<const char*, 3> kQualities{"draft", "standard", "best"};
 
-// What a quality sets, "section.key=value" each; of standard nothing: it is the default of every
-// setting.
-std::vector<std::string> settings_of(Quality quality);
+// Sets what a quality sets; standard, the defaults, sets nothing. Throws Error for another word.
+void apply_quality(TrainOptions& config, const std::string& word);
 
 }  // namespace gflow

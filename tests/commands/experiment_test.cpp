@@ -497,6 +497,8 @@ TEST_F(Experiment, FilesThatMakeNoSenseAreRefusedByLine) {
   expect(scenes + "baseline = \"*\"\n[[axis]]\nname = \"a\"\nchoices = [{ name = \"b\" }]",
          {"line 2", "'baseline' must have one choice of each axis"});
   expect(scenes + "seeds = [99999999999]", {"line 2", "0 to 2000000000"});
+  expect(scenes + "[settings]\nquality = \"fast\"", {"line 3", "draft or standard or best"});
+  expect(scenes + "[settings]\nquality = 3", {"line 3", "draft or standard or best", "'3'"});
   expect(scenes + "[settings]\ntrain.seed = 7", {"'train.seed'", "the list 'seeds'"});
   expect(scenes + "[settings]\nscene.path = \"/b\"", {"'scene.path'", "the list 'scenes'"});
   expect(scenes + "[settings]\nmetrics.lpips = \"/no/such.onnx\"", {"no network '/no/such.onnx'"});
