@@ -48,8 +48,8 @@ struct HexplaneOptions {
           "it; 0: all at once",
           between(0, 1));
     field("means", self.means,
-          advanced("learning rate instead of lr.means, because one pose is seen at all times; its "
-                   "last value is in the same ratio [x scene extent]"),
+          advanced("learning rate instead of lr.means, because one pose is seen at all times "
+                   "[x scene extent]"),
           at_least(0));
     field("opacity", self.opacity,
           advanced("learning rate instead of lr.opacity, so that lasting Gaussians do not fade "

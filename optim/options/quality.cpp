@@ -13,11 +13,7 @@ void apply_quality(TrainOptions& config, const std::string& word) {
   if (std::find(kQualities.begin(), kQualities.end(), word) == kQualities.end())
     throw Error(
         fmt::format("quality must be {}, not '{}'", fmt::join(kQualities, " or "), excerpt(word)));
-  if (word == "draft") {
-    config.train.iterations = 2000;
-    config.lr.planes_final = 4e-4f;  // a field with few steps must still move in its last ones
-    config.lr.network_final = 8e-5f;
-  }
+  if (word == "draft") config.train.iterations = 2000;
   if (word == "best") config.train.iterations = 60000;
 }
 

@@ -62,6 +62,7 @@ struct ScheduleOptions {
   }
 };
 struct LearningRateOptions {
+  int steps = 10000;
   float means = 6e-4f;
   float means_final = 6e-6f;
   float mean_t = 1.6e-4f;
@@ -84,6 +85,12 @@ struct LearningRateOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
+    field(
+        "steps", self.steps,
+        advanced("least number of training steps that the rates are for; with fewer, scales, quats "
+                 "and means_final (nodes and hexplane: all rates) grow by steps / "
+                 "train.iterations, at most 3 times; 0: never"),
+        at_least(0));
     field("means", self.means, "position at the first step [x scene extent]", at_least(0));
     field("means_final", self.means_final,
           advanced("position at the last step, reached exponentially [x scene extent]"), above(0));

@@ -27,6 +27,7 @@ class Rates {
   AdamRate planned(Quantity quantity, int step) const;
 
   const TrainOptions& config_;
+  const LearningRateOptions lr_;  // of the motion model
   const Scene& scene_;
   const MotionShape& shape_;
   float pace_most_;

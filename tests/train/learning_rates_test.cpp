@@ -24,6 +24,7 @@ class RatesTest : public testing::Test {
     scene.steps = 5;
     shape.duration = 2;
     config.train.iterations = 100;
+    config.lr.steps = 0;
     config.lr.means = 0.1f;
     config.lr.means_final = 0.001f;
     config.lr.quats = 0.4f;
@@ -36,18 +37,23 @@ class RatesTest : public testing::Test {
   float rate(Quantity quantity, int step, bool motion = false) const {
     GroupSpec spec{"a group", 1, quantity};
     spec.motion = motion;
-    return rates.of(spec, step).lr;
+    return rates().of(spec, step).lr;
+  }
+  Rates rates() const {
+    Rates rates{config, scene, shape};
+    rates.scale = scale;
+    return rates;
   }
   Scene scene = one_camera();
   MotionShape shape;
   TrainOptions config;
-  Rates rates{config, scene, shape};
+  float scale = 1;
 };
 
 TEST_F(RatesTest, ThatOfPlacesFallsByEqualRatiosAndIsInExtentsOfTheScene) {
-  EXPECT_FLOAT_EQ(rates.position(0), 0.25f);
-  EXPECT_FLOAT_EQ(rates.position(50), 0.025f);  // geometric mean of start and end
-  EXPECT_NEAR(rates.position(99), 0.0025, 0.00015);
+  EXPECT_FLOAT_EQ(rates().position(0), 0.25f);
+  EXPECT_FLOAT_EQ(rates().position(50), 0.025f);  // geometric mean of start and end
+  EXPECT_NEAR(rates().position(99), 0.0025, 0.00015);
   EXPECT_FLOAT_EQ(rate(Quantity::position, 50), 0.025f);
 }
 
@@ -73,6 +79,35 @@ TEST_F(RatesTest, FromTheMiddleOnThoseWithoutALastValueFade) {
   EXPECT_FLOAT_EQ(rate(Quantity::scale, 99), config.lr.scales);
 }
 
+TEST_F(RatesTest, OnePoseForAllTimesHasItsOwn) {
+  shape.motion = MotionModelKind::nodes;
+  const HexplaneOptions& own = config.motion.hexplane;
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 2.5f * own.means);
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 100), 0.0025f);  // the last one is common
+  EXPECT_FLOAT_EQ(rate(Quantity::opacity, 0), own.opacity);
+  EXPECT_FLOAT_EQ(rate(Quantity::rotation, 50), 0.2f);
+}
+
+TEST_F(RatesTest, GrowWhereStepsAreFew) {
+  config.lr.steps = 200;  // twice those of the training
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 0), 2 * config.lr.scales);
+  EXPECT_FLOAT_EQ(rate(Quantity::rotation, 50), 0.4f);
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 0.25f);
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 100), 0.005f);
+  EXPECT_FLOAT_EQ(rate(Quantity::color, 0), 0.01f);
+  config.lr.steps = 1000000;  // at most three times
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 0), 3 * config.lr.scales);
+  config.lr.steps = 50;  // never smaller
+  EXPECT_FLOAT_EQ(rate(Quantity::scale, 0), config.lr.scales);
+  config.lr.steps = 200;
+  shape.motion = MotionModelKind::nodes;
+  EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 5 * config.motion.hexplane.means);
+  EXPECT_FLOAT_EQ(rate(Quantity::color, 0), 0.02f);
+  EXPECT_FLOAT_EQ(rate(Quantity::opacity, 0), 2 * config.motion.hexplane.opacity);
+  EXPECT_FLOAT_EQ(rate(Quantity::plane, 100), 2 * config.lr.planes_final);
+  EXPECT_FLOAT_EQ(rate(Quantity::network, 100), 2 * config.lr.network_final);
+}
+
 TEST_F(RatesTest, HigherBandsOfColourLearnSlowerByTheirDivisor) {
   EXPECT_FLOAT_EQ(rate(Quantity::color, 50), 0.01f);
   EXPECT_FLOAT_EQ(rate(Quantity::color_rest, 50), 0.002f);
@@ -84,7 +119,7 @@ TEST_F(RatesTest, MotionLearnsFasterByItsFactorButNotItsTimes) {
 }
 
 TEST_F(RatesTest, CautionSlowsAllOfThem) {
-  rates.scale = 0.5f;
+  scale = 0.5f;
   EXPECT_FLOAT_EQ(rate(Quantity::position, 0), 0.125f);
   EXPECT_FLOAT_EQ(rate(Quantity::color, 0), 0.005f);
 }
@@ -94,11 +129,11 @@ TEST_F(RatesTest, NoFactorOfPaceMovesAGaussianByMoreThanThreeTenthsOfAPixel) {
   config.lr.pace_most = 8;
   // extent 2.5 x rate = 0.002 per step = 0.04 px: 7.5 times that are 0.3 px
   config.lr.means = 0.0008f;
-  EXPECT_NEAR((Rates{config, scene, shape}.pace_most()), 7.5, 1e-4);
+  EXPECT_NEAR(rates().pace_most(), 7.5, 1e-4);
   config.lr.means = 0.0004f;
-  EXPECT_EQ((Rates{config, scene, shape}.pace_most()), 8);
+  EXPECT_EQ(rates().pace_most(), 8);
   config.lr.means = 0.1f;
-  EXPECT_EQ((Rates{config, scene, shape}.pace_most()), 1);
+  EXPECT_EQ(rates().pace_most(), 1);
 }
 
 }  // namespace
