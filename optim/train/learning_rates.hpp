@@ -27,7 +27,7 @@ class Rates {
   AdamRate planned(Quantity quantity, int step) const;
 
   const TrainOptions& config_;
-  const LearningRateOptions lr_;  // of the motion model
+  const LearningRateOptions lr_;  // of this model and number of steps
   const Scene& scene_;
   const MotionShape& shape_;
   float pace_most_;
