@@ -82,6 +82,10 @@ class Motion {
   // others. Repeatable for a seed.
   virtual void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
                      const SplitRule& rule, uint32_t seed) = 0;
+
+  // Now and then after density control: moves rows that all Gaussians share to where they are
+  // needed.
+  virtual void rearrange(Queue&, Parameters&) {}
 };
 
 }  // namespace gflow

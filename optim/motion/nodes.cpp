@@ -2,11 +2,9 @@
 #include "optim/motion/nodes.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
-#include "optim/motion/farthest_points.hpp"
 #include "optim/motion/motion_options.hpp"
+#include "optim/motion/node_places.hpp"
 
 namespace gflow {
 namespace {
@@ -26,26 +24,6 @@ Chunks node_chunks(size_t nodes) {
   return chunks;
 }
 
-// Sorts points so that each NODE_GROUP of them lies together: halves them along their longest axis,
-// again and again. begin to end: rows of xyz [n, 3].
-void sort_into_groups(const std::vector<float>& xyz, size_t* begin, size_t* end) {
-  const size_t groups = (size_t(end - begin) + NODE_GROUP - 1) / NODE_GROUP;
-  if (groups < 2) return;
-  size_t axis = 0;
-  float longest = -1;
-  for (size_t c = 0; c < 3; ++c) {
-    const auto [low, high] = std::minmax_element(
-        begin, end, [&](size_t a, size_t b) { return xyz[3 * a + c] < xyz[3 * b + c]; });
-    const float length = xyz[3 * *high + c] - xyz[3 * *low + c];
-    if (length > longest) longest = length, axis = c;
-  }
-  std::stable_sort(begin, end,
-                   [&](size_t a, size_t b) { return xyz[3 * a + axis] < xyz[3 * b + axis]; });
-  size_t* middle = begin + groups / 2 * NODE_GROUP;
-  sort_into_groups(xyz, begin, middle);
-  sort_into_groups(xyz, middle, end);
-}
-
 }  // namespace
 
 std::vector<TableSpec> nodes_tables(const MotionShape& shape) {
@@ -56,28 +34,6 @@ std::vector<TableSpec> nodes_tables(const MotionShape& shape) {
   std::vector<TableSpec> tables = field_tables(shape.hexplane);
   tables.insert(tables.begin(), nodes);
   return tables;
-}
-
-void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first) {
-  const size_t nodes = count_of(shape);
-  const std::vector<float>& means = groups.at("means");
-  if (means.empty()) return;
-  std::vector<size_t> chosen = farthest_points(means, first, nodes);
-  sort_into_groups(means, chosen.data(), chosen.data() + chosen.size());
-  std::vector<float>& places = groups["node_places"];
-  for (size_t k = 0; k < nodes; ++k)
-    for (size_t c = 0; c < 3; ++c) places[3 * k + c] = means[3 * chosen[k % chosen.size()] + c];
-  for (size_t k = 0; k < nodes; ++k) {
-    std::vector<double> squared;
-    for (size_t j = 0; j < nodes; ++j)
-      if (j != k) squared.push_back(squared_distance(places, j, k));
-    const size_t near = std::min<size_t>(NODE_NEIGHBOURS - 1, squared.size());
-    std::partial_sort(squared.begin(), squared.begin() + long(near), squared.end());
-    double sum = 0;
-    for (size_t j = 0; j < near; ++j) sum += std::sqrt(squared[j]) / double(near);
-    const double least = 1e-3 * double(shape.hexplane.half_size[0]);
-    groups["node_log_radii"][k] = float(std::log(std::max(sum, least)));
-  }
 }
 
 NodesMotion::NodesMotion(Queue& queue, const MotionShape& shape)
@@ -172,6 +128,26 @@ void NodesMotion::set_rate_scales(Queue& queue, Parameters& p, const PaceRule& r
 void NodesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& child,
                         const SplitRule& rule, uint32_t seed) {
   canonical_rows_.split(queue, p, child, rule, seed);
+}
+
+// All nodes take part in every step, so rows differ in values and moments only.
+void NodesMotion::rearrange(Queue& queue, Parameters& p) {
+  Table& table = p.more[0];
+  ParameterGroup &places = p["node_places"], &log_radii = p["node_log_radii"];
+  NodePlaces nodes{places.values.read(queue), log_radii.values.read(queue)};
+  const std::vector<size_t> from = relieve_nodes(p["means"].values.read(queue), nodes);
+  for (ParameterGroup& group : table.groups) {
+    for (Buffer<float>* moments : {&group.exp_avg, &group.exp_avg_sq}) {
+      if (moments->size() == 0) continue;
+      const std::vector<float> old = moments->read(queue);
+      std::vector<float> moved(old.size());
+      for (size_t k = 0; k < nodes_; ++k)
+        std::copy_n(&old[group.width * from[k]], group.width, &moved[group.width * k]);
+      moments->write(queue, moved);
+    }
+  }
+  places.values.write(queue, nodes.places);
+  log_radii.values.write(queue, nodes.log_radii);
 }
 
 const MotionModel& nodes_model() {

@@ -13,10 +13,6 @@ namespace gflow {
 // "node_places" [nodes, 3] and "node_log_radii" [nodes, 1]; those of the field.
 std::vector<TableSpec> nodes_tables(const MotionShape& shape);
 
-// Puts nodes at Gaussians that are far apart from each other, with the mean distance to the nearest
-// other nodes as radius.
-void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first);
-
 // Entry in the table of models.
 const MotionModel& nodes_model();
 
@@ -35,6 +31,7 @@ class NodesMotion : public Motion {
   void set_rate_scales(Queue& queue, Parameters& parameters, const PaceRule& rule) override;
   void split(Queue& queue, Parameters& parameters, const Buffer<cl_uint>& child,
              const SplitRule& rule, uint32_t seed) override;
+  void rearrange(Queue& queue, Parameters& parameters) override;
 
  private:
   // Sets columns_, outputs_ and poses_ from the field, which was cut at a time.

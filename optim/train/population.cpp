@@ -14,6 +14,7 @@
 namespace gflow {
 namespace {
 
+constexpr int kRoundsToRearrange = 5;
 constexpr int kComparedTimes = 60;  // largest number of times at which a round compares poses
 
 // nullptr if the split is off, Gaussians have no motion of their own, or keys are trained one by
@@ -87,6 +88,8 @@ bool Population::after_step(Queue& queue, const Renderer& renderer, const Stage&
   if (controlled && refining(done) && done % config_.density.every == 0) {
     others |= refine(queue, random_bits(seed, streams::kSplit, uint32_t(step)));
     others |= put_in_order(queue);
+    if (done % (kRoundsToRearrange * config_.density.every) == 0)
+      model_.motion->rearrange(queue, model_.parameters);
   }
   return others;
 }

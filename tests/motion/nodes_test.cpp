@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "optim/motion/motion_options.hpp"
+#include "optim/motion/node_places.hpp"
 #include "optim/reference/nodes.hpp"
 #include "tests/support/device.hpp"
 #include "tests/support/motion_check.hpp"
@@ -137,6 +138,47 @@ TEST(Nodes, StartFarApartAndStatic) {
   for (const float r : groups["node_log_radii"]) EXPECT_NEAR(r, std::log(0.25f), 0.5f);
   groups["network"].back() = 1;
   EXPECT_FALSE(is_static(shape, groups));
+}
+
+// A crowd of Gaussians at one node of four, and two at each of two others; the fourth carries none.
+TEST(Nodes, IdleOnesRelieveThoseThatCarryMost) {
+  NodePlaces nodes{{0, 0, 0, 1, 0, 0, 2, 0, 0, 9, 9, 9, 8, 9, 9}, std::vector<float>(5, -2.f)};
+  std::vector<float> means{1, 0, 0, 1, 0.1f, 0, 2, 0, 0, 2, 0.1f, 0};
+  for (int k = 0; k < 40; ++k)
+    for (const float x : {0.f, 0.f, 0.01f * float(k)}) means.push_back(x);
+  const std::vector<size_t> from = relieve_nodes(means, nodes);
+  EXPECT_EQ(from, (std::vector<size_t>{0, 1, 2, 0, 0}));
+  EXPECT_NEAR(nodes.places[11], 0.195, 1e-6);  // half way to the farthest
+  EXPECT_GT(nodes.places[14], 0.25);           // half way from there
+  EXPECT_EQ(nodes.places[3], 1.f);             // the others stay
+  EXPECT_EQ(nodes.places[6], 2.f);
+  const NodePlaces before = nodes;
+  relieve_nodes(means, nodes);  // no more idle ones
+  EXPECT_EQ(nodes.places, before.places);
+}
+
+// Many in random places: rows are sorted by place, and each moment follows its row.
+TEST(Nodes, MomentsGoWithThem) {
+  Queue queue = test_queue();
+  const size_t count = 50;
+  MotionCheck check(queue, small_shape({int(count), 1, 0}), 300, {});
+  Parameters& p = check.parameters();
+  const std::vector<float> old = p["node_places"].values.read(queue);
+  p["node_places"].exp_avg_sq.write(queue, old);  // so that it tells the row
+  check.motion().rearrange(queue, p);
+  const std::vector<float> now = p["node_places"].values.read(queue);
+  const std::vector<float> moments = p["node_places"].exp_avg_sq.read(queue);
+  EXPECT_NE(now, old);
+  size_t stayed = 0;
+  for (size_t k = 0; k < count; ++k)
+    stayed += std::equal(&now[3 * k], &now[3 * k + 3], &moments[3 * k]);
+  EXPECT_GE(stayed, count / 2);
+  for (size_t k = 0; k < count; ++k) {  // all moments are those of some old row
+    bool found = false;
+    for (size_t j = 0; j < count && !found; ++j)
+      found = std::equal(&old[3 * j], &old[3 * j + 3], &moments[3 * k]);
+    EXPECT_TRUE(found) << k;
+  }
 }
 
 // Chunks in which no Gaussian, one or all are seen, and more than one of each.
