@@ -9,6 +9,7 @@
 #include "shared/motion/nodes.h"
 
 #define POSE 7           // floats per pose: unit quaternion, shift
+#define BLEND 8          // floats per blend: shift, 0, turn
 #define TOLD_MOST 1e18f  // its square is finite
 #define FAR 1e20f        // its square is infinite
 
@@ -66,19 +67,20 @@ static inline void meet_group(real3 m, uint self, uint group, uint length,
     squared.all = fma(x, x, fma(y, y, z * z));
     for (uint left = lanes_where(squared.all <= TO_LANE(near->squared[last])); left;
          left &= left - 1) {
-      const uint r = lowest(left), k = first + r;
-      const float d = squared.row[r];
-      if (!(d <= near->squared[last]) || k == self) continue;
-      int place = NODE_NEIGHBOURS;
-      for (; place > 0; --place) {
-        const float other = near->squared[place - 1];
-        if (other < d || (other == d && near->node[place - 1] <= k)) break;
-        if (place <= last) {
-          near->squared[place] = other;
-          near->node[place] = near->node[place - 1];
-        }
+      const uint r = lowest(left);
+      float d = squared.row[r];
+      uint k = first + r;
+      if (k == self) continue;
+#pragma unroll
+      for (int j = 0; j < NODE_NEIGHBOURS; ++j) {  // in order of distance, then of number
+        const float other = near->squared[j];
+        const uint its = near->node[j];
+        const int before = d < other || (d == other && k < its);
+        near->squared[j] = before ? d : other;
+        near->node[j] = before ? k : its;
+        d = before ? other : d;
+        k = before ? its : k;
       }
-      if (place <= last) near->squared[place] = d, near->node[place] = k;
     }
   }
 }
@@ -114,8 +116,8 @@ static inline float reach(real3 m, uint nodes, uint length, global const float* 
 
 // The nearest nodes of a place, without node `self`. `most`: a squared distance within which
 // NODE_NEIGHBOURS of them are, which saves looking farther; infinity if not known.
-static inline void nearest_nodes(real3 m, uint self, float most, uint length,
-                                 global const float* columns, global uint* found) {
+static inline Nearest nearest_nodes(real3 m, uint self, float most, uint length,
+                                    global const float* columns) {
   Nearest near;
   const uint none = most < INFINITY ? UINT_MAX : 0;  // found nodes come before it
   for (int k = 0; k < NODE_NEIGHBOURS; ++k) near.squared[k] = most, near.node[k] = none;
@@ -131,7 +133,8 @@ static inline void nearest_nodes(real3 m, uint self, float most, uint length,
     }
   }
   for (int k = 0; k < NODE_NEIGHBOURS; ++k)
-    found[k] = near.node[k] == UINT_MAX ? 0 : near.node[k];  // the place is not a number
+    if (near.node[k] == UINT_MAX) near.node[k] = 0;  // the place is not a number
+  return near;
 }
 
 // The nearest other nodes of each node. One work-item per node.
@@ -140,7 +143,8 @@ kernel void nodes_links(const uint nodes, const uint length, global const float*
                         global uint* restrict links) {  // [nodes, NODE_NEIGHBOURS]
   const uint k = get_global_id(0);
   if (k >= nodes) return;
-  nearest_nodes(load3(places, k), k, INFINITY, length, columns, links + NODE_NEIGHBOURS * k);
+  const Nearest near = nearest_nodes(load3(places, k), k, INFINITY, length, columns);
+  for (int j = 0; j < NODE_NEIGHBOURS; ++j) links[NODE_NEIGHBOURS * k + j] = near.node[j];
 }
 
 // Evaluates the field at the nodes first .. first + BLOCK - 1; those beyond the last repeat it.
@@ -152,12 +156,13 @@ static inline void block_fwd(uint first, uint nodes, HexplaneGrid grid, global c
   field_fwd(rows, BLOCK, grid, places, planes, lines, network, a);
 }
 
-// The poses of the nodes at a time. One work-item per BLOCK nodes.
+// The poses of the nodes at a time, and their rows. One work-item per BLOCK nodes.
 kernel void nodes_pose(const uint nodes, const HexplaneGrid grid,
                        global const float* restrict places, global const float* restrict planes,
                        global const float* restrict lines, global const float* restrict network,
-                       global float* restrict outputs,  // [nodes, OUTPUTS] of the network
-                       global float* restrict poses) {  // [nodes, POSE]
+                       global float* restrict outputs,      // [nodes, OUTPUTS] of the network
+                       global float* restrict poses,        // [nodes, POSE]
+                       global float* restrict node_rows) {  // [nodes, NODE_ROW]
   const uint first = get_global_id(0) * BLOCK;
   if (first >= nodes) return;
   Activations a;
@@ -168,6 +173,9 @@ kernel void nodes_pose(const uint nodes, const HexplaneGrid grid,
     for (int k = 0; k < OUTPUTS; ++k) outputs[(size_t)(first + b) * OUTPUTS + k] = o[k];
     vstore4(p.quat, 0, poses + POSE * (first + b));
     store3(poses + POSE * (first + b) + 4, 0, p.shift);
+    float row[NODE_ROW];
+    node_row(p, node_centre(grid), row);
+    for (int k = 0; k < NODE_ROW; ++k) node_rows[NODE_ROW * (first + b) + k] = row[k];
   }
 }
 
@@ -179,64 +187,69 @@ static inline BasisPose load_pose(uint k, global const float* poses, global cons
   return p;
 }
 
-// The nearest nodes of the Gaussians of a view. Those of the last step tell how far to look, so
-// `near` may hold anything before. A kernel of its own, because OpenCL on a CPU makes SIMD of the
-// Gaussians in nodes_fwd only where it has no such loops: three times as fast.
+// The nearest nodes of the Gaussians of a view, and their weights. Those of the last step tell how
+// far to look, so `near` may hold anything before. A kernel of its own, as nodes_blend is: OpenCL on
+// a CPU makes SIMD of the Gaussians in nodes_fwd only where it has no such loops, while here lanes
+// are nodes or numbers of a row.
 kernel void nodes_near(const uint n, const uint nodes, const int first,
                        global const uint* restrict rows,
                        global const uint* restrict tiles_touched,  // [n] read if not first
                        global const float* restrict means, const uint length,
                        global const float* restrict columns,
-                       global uint* restrict near) {  // [n, NODE_NEIGHBOURS]
+                       global uint* restrict near,        // [n, NODE_NEIGHBOURS]
+                       global float* restrict weights) {  // [n, NODE_NEIGHBOURS]
   const uint k = get_global_id(0);
   if (k >= n || (!first && tiles_touched[k] == 0)) return;
   const real3 m = load3(means, view_row(k, rows));
   global uint* own = near + NODE_NEIGHBOURS * k;
-  nearest_nodes(m, UINT_MAX, reach(m, nodes, length, columns, own), length, columns, own);
-}
-
-typedef struct Following {  // of a Gaussian
-  uint near[NODE_NEIGHBOURS];
-  float sharpness[NODE_NEIGHBOURS];  // 1 / radius^2
-  float exponents[NODE_NEIGHBOURS], weights[NODE_NEIGHBOURS];
-} Following;
-
-static inline Following following(real3 m, global const uint* near, uint length,
-                                  global const float* columns, global const float* places) {
-  Following f;
-  for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
-    f.near[k] = near[k];
-    const real3 arm = m - load3(places, f.near[k]);
-    f.sharpness[k] = columns[3 * length + f.near[k]];
-    f.exponents[k] = 0.5f * dot(arm, arm) * f.sharpness[k];
+  const Nearest found =
+      nearest_nodes(m, UINT_MAX, reach(m, nodes, length, columns, own), length, columns);
+  float exponents[NODE_NEIGHBOURS];
+  for (int j = 0; j < NODE_NEIGHBOURS; ++j) {
+    own[j] = found.node[j];
+    exponents[j] = 0.5f * found.squared[j] * columns[3 * length + found.node[j]];
   }
-  const float4 e = vload4(0, f.exponents);  // one exp() of four is much faster than four
+  const float4 e = vload4(0, exponents);  // one exp() of four is much faster than four
   const float4 w = exp(fmin(fmin(e.x, e.y), fmin(e.z, e.w)) - e);
-  vstore4(w / (w.x + w.y + w.z + w.w), 0, f.weights);
-  return f;
+  vstore4(w / (w.x + w.y + w.z + w.w), k, weights);
 }
 
-// The sum of the neighbours' turns and shifts.
-static inline Canonical follow(Canonical g, const Following* f, global const float* poses,
-                               global const float* places) {
-  real3 shift = make_real3(0.f, 0.f, 0.f);
-  real4 turn = make_real4(0.f, 0.f, 0.f, 0.f);
-  for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
-    const BasisPose p = load_pose(f->near[k], poses, places);
-    shift += basis_shift(p, g.mean) * f->weights[k];
-    turn += basis_turn(p) * f->weights[k];
+#define ROW_PARTS (NODE_ROW / LANES)  // vectors per row
+
+// The weighted sum of the rows of the nearest nodes, as shift and turn.
+kernel void nodes_blend(const uint n, const int first, const HexplaneGrid grid,
+                        global const uint* restrict rows,
+                        global const uint* restrict tiles_touched,  // [n] read if not first
+                        global const float* restrict means,
+                        global const float* restrict node_rows, global const uint* restrict near,
+                        global const float* restrict weights,
+                        global float* restrict blends) {  // [n, BLEND]
+  const uint k = get_global_id(0);
+  if (k >= n || (!first && tiles_touched[k] == 0)) return;
+  float row[NODE_ROW];
+  for (int part = 0; part < ROW_PARTS; ++part) {
+    lane sum = TO_LANE(0.f);
+    for (int j = 0; j < NODE_NEIGHBOURS; ++j) {
+      const uint at = NODE_NEIGHBOURS * k + j;
+      sum = fma(TO_LANE(weights[at]), ROW_LOAD(node_rows + NODE_ROW * near[at] + part * LANES),
+                sum);
+    }
+    ROW_STORE(sum, row + part * LANES);
   }
-  return blended(g, shift, turn);
+  const NodeBlend b = node_blend(row, load3(means, view_row(k, rows)) - node_centre(grid));
+  vstore4((float4)(b.shift.x, b.shift.y, b.shift.z, 0.f), 2 * k, blends);
+  vstore4(b.turn, 2 * k + 1, blends);
 }
 
-#define NODES_IN                                                                              \
-  const uint length, global const float *restrict places, global const float *restrict poses, \
-      global const float *restrict columns, global const uint *restrict near
+static inline Canonical follow(Canonical g, uint k, global const float* blends) {
+  return blended(g, load3(blends + BLEND * k, 0), vload4(2 * k + 1, blends));
+}
 
 kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int first,
                       global const uint* restrict rows,
                       global const uint* restrict tiles_touched,  // [n] read if not first
-                      CANONICAL_IN, NODES_IN,
+                      CANONICAL_IN,
+                      global const float* restrict blends,    // [n, BLEND]
                       global float* restrict means_at,        // [n, 3]
                       global float* restrict factors_at,      // [n, 3, 3]
                       global float* restrict opacities_at) {  // [n]
@@ -246,20 +259,45 @@ kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int
   if (!canonical_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales,
                            opacities_at))
     return;
-  const Canonical g = load_canonical(i, CANONICAL_ROWS);
-  const Following f = following(g.mean, near + NODE_NEIGHBOURS * k, length, columns, places);
-  store_shifted(k, shifted_at(follow(g, &f, poses, places), no_shift(), t), means_at, factors_at,
-                opacities_at);
+  const Canonical g = follow(load_canonical(i, CANONICAL_ROWS), k, blends);
+  store_shifted(k, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
-// One work-item per chunk of `chunk_length` entries of the view.
-kernel void nodes_bwd(const uint n, const uint chunk_length, const uint nodes, const float t,
-                      const int first, global const uint* restrict rows, CANONICAL_IN, NODES_IN,
+// To the canonical Gaussians as if nodes stood still, and to the blends.
+kernel void nodes_bwd(const uint n, const float t, const int first,
+                      global const uint* restrict rows, CANONICAL_IN,
+                      global const float* restrict blends,
                       global const uint* restrict tiles_touched,    // [n]
                       global const float* restrict v_means_at,      // [n, 3]
                       global const float* restrict v_factors_at,    // [n, 3, 3]
                       global const float* restrict v_opacities_at,  // [n] read if first
                       global uint* restrict seen, V_CANONICAL_OUT,
+                      global float* restrict v_blends) {  // [n, BLEND]
+  const uint k = get_global_id(0);
+  if (k >= n || tiles_touched[k] == 0) return;
+  const uint i = view_row(k, rows);
+  const Canonical canonical = load_canonical(i, CANONICAL_ROWS);
+  Canonical v = shifted_vjp(follow(canonical, k, blends), no_shift(), t, load3(v_means_at, k),
+                            load_mat3(v_factors_at, k), first ? v_opacities_at[k] : 0.f);
+  // The followed quaternion is (1 + turn) canonical.quat.
+  vstore4((float4)(v.mean.x, v.mean.y, v.mean.z, 0.f), 2 * k, v_blends);
+  vstore4(quat_mul(v.quat, quat_conj(canonical.quat)), 2 * k + 1, v_blends);
+  const real4 one = make_real4(1.f, 0.f, 0.f, 0.f);
+  v.quat = quat_mul(quat_conj(vload4(2 * k + 1, blends) + one), v.quat);
+  const int fresh = first && !seen[i];
+  if (fresh) seen[i] = 1;
+  put_canonical(i, v, fresh, V_CANONICAL_ROWS);
+}
+
+// From the blends to the nodes' rows, places and radii, and what Gaussians' means owe to their
+// blends. One work-item per chunk of `chunk_length` entries of the view.
+kernel void nodes_sum(const uint n, const uint chunk_length, const uint nodes,
+                      const HexplaneGrid grid, global const uint* restrict rows,
+                      global const float* restrict means, const uint length,
+                      global const float* restrict columns, global const float* restrict node_rows,
+                      global const uint* restrict near, global const float* restrict weights,
+                      global const uint* restrict tiles_touched,  // [n]
+                      global const float* restrict v_blends, global float* restrict v_means,
                       global float* restrict sums) {  // [chunks, nodes, NODE_SUMS]
   const uint chunk = get_global_id(0), begin = chunk * chunk_length;
   const uint end = min(n, begin + chunk_length);
@@ -268,48 +306,57 @@ kernel void nodes_bwd(const uint n, const uint chunk_length, const uint nodes, c
   for (uint entry = begin; entry < end; ++entry) {
     if (tiles_touched[entry] == 0) continue;
     const uint i = view_row(entry, rows);
-    const Canonical canonical = load_canonical(i, CANONICAL_ROWS);
-    const real3 m = canonical.mean;
-    const Following f = following(m, near + NODE_NEIGHBOURS * entry, length, columns, places);
-    Canonical v =
-        shifted_vjp(follow(canonical, &f, poses, places), no_shift(), t, load3(v_means_at, entry),
-                    load_mat3(v_factors_at, entry), first ? v_opacities_at[entry] : 0.f);
-    const int fresh = first && !seen[i];
-    if (fresh) seen[i] = 1;
-    // The followed quaternion is blend * canonical.quat.
-    const real4 v_turn = quat_mul(v.quat, quat_conj(canonical.quat)), v_quat = v.quat;
-    const real3 v_mean = v.mean;
-    real4 blend = make_real4(1.f, 0.f, 0.f, 0.f);
-    float v_weights[NODE_NEIGHBOURS], middle = 0.f;  // their weighted mean
+    const real3 m = load3(means, i);
+    const NodeBlend v = {load3(v_blends + BLEND * entry, 0), vload4(2 * entry + 1, v_blends)};
+    float v_row[NODE_ROW], row[NODE_ROW];
+    node_blend_vjp(m - node_centre(grid), v, v_row);
+    uint node[NODE_NEIGHBOURS];
+    float share[NODE_NEIGHBOURS], v_share[NODE_NEIGHBOURS], middle = 0.f;  // their weighted mean
     for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
-      const BasisPose p = load_pose(f.near[k], poses, places);
-      v_weights[k] = dot(v_mean, basis_shift(p, m)) + dot(v_turn, basis_turn(p));
-      middle += f.weights[k] * v_weights[k];
+      node[k] = near[NODE_NEIGHBOURS * entry + k];
+      share[k] = weights[NODE_NEIGHBOURS * entry + k];
+    }
+    lane product[NODE_NEIGHBOURS];
+    for (int k = 0; k < NODE_NEIGHBOURS; ++k) product[k] = TO_LANE(0.f);
+    float size = 0.f;
+    for (int part = 0; part < ROW_PARTS; ++part) {
+      const lane v_part = ROW_LOAD(v_row + part * LANES);
+      lane sum = TO_LANE(0.f);
+      for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+        const lane x = ROW_LOAD(node_rows + NODE_ROW * node[k] + part * LANES);
+        product[k] = fma(v_part, x, product[k]);
+        sum = fma(TO_LANE(share[k]), x, sum);
+      }
+      ROW_STORE(sum, row + part * LANES);
+      size += ROW_SUM(fabs(v_part));
     }
     for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
-      const uint node = f.near[k];
-      const BasisPose p = load_pose(node, poses, places);
-      const BasisPose v_p = basis_pose_vjp(p, f.weights[k], m, v_mean, v_turn);
-      const real3 carried =
-          (mat3_transposed_times(quat_to_rotmat(p.quat), v_mean) - v_mean) * f.weights[k];
-      const float v_exponent = f.weights[k] * (middle - v_weights[k]);
-      const real3 pulled = (m - p.pivot) * (v_exponent * f.sharpness[k]);
-      v.mean += carried + pulled;
-      blend += basis_turn(p) * f.weights[k];
-      const real3 v_place = -carried - pulled;
-      const float v_log_radius = -2.f * f.exponents[k] * v_exponent;
+      v_share[k] = ROW_SUM(product[k]);
+      middle += share[k] * v_share[k];
+    }
+    real3 v_mean = node_blend_vjp_place(row, v.shift);
+    for (int k = 0; k < NODE_NEIGHBOURS; ++k) {
+      const real3 arm = make_real3(m.x - columns[node[k]], m.y - columns[length + node[k]],
+                                   m.z - columns[2 * length + node[k]]);
+      const float v_exponent = share[k] * (middle - v_share[k]);
+      const float sharpness = columns[3 * length + node[k]];
+      const real3 pulled = arm * (v_exponent * sharpness);
+      v_mean += pulled;
       // A broken Gaussian keeps its gradient, but must not affect the shared nodes, nor may what it
       // tells them overflow on the way through the network.
-      const float told = sqrt(dot(v_p.quat, v_p.quat)) + sqrt(dot(v_p.shift, v_p.shift)) +
-                         sqrt(dot(v_place, v_place)) + fabs(v_log_radius);
+      const float v_log_radius = -dot(arm, pulled);
+      const float told =
+          size + fabs(pulled.x) + fabs(pulled.y) + fabs(pulled.z) + fabs(v_log_radius);
       if (!(told < TOLD_MOST)) continue;
-      global float* o = own + NODE_SUMS * node;
-      o[0] += v_p.quat.x, o[1] += v_p.quat.y, o[2] += v_p.quat.z, o[3] += v_p.quat.w;
-      o[4] += v_p.shift.x, o[5] += v_p.shift.y, o[6] += v_p.shift.z;
-      o[7] += v_place.x, o[8] += v_place.y, o[9] += v_place.z, o[10] += v_log_radius;
+      global float* o = own + NODE_SUMS * node[k];
+      for (int part = 0; part < ROW_PARTS; ++part)
+        ROW_STORE(
+            fma(TO_LANE(share[k]), ROW_LOAD(v_row + part * LANES), ROW_LOAD(o + part * LANES)),
+            o + part * LANES);
+      o += NODE_ROW;
+      vstore4(vload4(0, o) - (float4)(pulled.x, pulled.y, pulled.z, -v_log_radius), 0, o);
     }
-    v.quat = quat_mul(quat_conj(blend), v_quat);
-    put_canonical(i, v, fresh, V_CANONICAL_ROWS);
+    add3(v_means, i, v_mean);
   }
 }
 
@@ -349,8 +396,10 @@ kernel void nodes_gather(const uint chunks, const uint nodes, const HexplaneGrid
   for (int j = 0; j < NODE_SUMS; ++j) sum[j] = 0.f;
   for (uint c = 0; c < chunks; ++c)
     for (int j = 0; j < NODE_SUMS; ++j) sum[j] += sums[((size_t)c * nodes + k) * NODE_SUMS + j];
-  real4 v_unit = make_real4(sum[0], sum[1], sum[2], sum[3]);
-  real3 v_shift = make_real3(sum[4], sum[5], sum[6]);
+  real4 v_unit;
+  real3 v_shift, v_place;
+  node_row_vjp(load_pose(k, poses, places), node_centre(grid), sum, &v_unit, &v_shift, &v_place);
+  v_place += make_real3(sum[NODE_ROW], sum[NODE_ROW + 1], sum[NODE_ROW + 2]);
   if (rigidity > 0.f)
     add_strain(k, nodes, rigidity / (float)(nodes * NODE_NEIGHBOURS), poses, places, links, &v_unit,
                &v_shift);
@@ -358,14 +407,13 @@ kernel void nodes_gather(const uint chunks, const uint nodes, const HexplaneGrid
   for (int j = 0; j < OUTPUTS; ++j) o[j] = outputs[(size_t)k * OUTPUTS + j], v_o[j] = 0.f;
   node_pose_vjp(grid, o, v_unit, v_shift, v_o);
   for (int j = 0; j < OUTPUTS; ++j) v_outputs[(size_t)k * OUTPUTS + j] = v_o[j];
-  const real3 v_place = make_real3(sum[7], sum[8], sum[9]);
   if (seen[k]) {
     add3(v_places, k, v_place);
-    v_log_radii[k] += sum[10];
+    v_log_radii[k] += sum[NODE_ROW + 3];
   } else {
     seen[k] = 1;
     store3(v_places, k, v_place);
-    v_log_radii[k] = sum[10];
+    v_log_radii[k] = sum[NODE_ROW + 3];
   }
 }
 

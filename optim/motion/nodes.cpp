@@ -10,6 +10,7 @@ namespace gflow {
 namespace {
 
 constexpr size_t kNodesGroup = 64;
+constexpr size_t kBlend = 8;  // floats per Gaussian, as BLEND in nodes.cl
 
 size_t count_of(const MotionShape& shape) { return size_t(shape.own_numbers().whole("count")); }
 // Chunks of Gaussians, each with its own sums of all nodes.
@@ -46,9 +47,11 @@ NodesMotion::NodesMotion(Queue& queue, const MotionShape& shape)
       nodes_columns_(program_, "nodes_columns"),
       nodes_links_(program_, "nodes_links"),
       nodes_near_(program_, "nodes_near"),
+      nodes_blend_(program_, "nodes_blend"),
       nodes_pose_(program_, "nodes_pose"),
       nodes_fwd_(program_, "nodes_fwd"),
       nodes_bwd_(program_, "nodes_bwd"),
+      nodes_sum_(program_, "nodes_sum"),
       nodes_gather_(program_, "nodes_gather"),
       nodes_bwd_network_(program_, "nodes_bwd_network"),
       field_(queue, program_, shape.hexplane, shape.duration),
@@ -58,11 +61,12 @@ void NodesMotion::pose(Queue& queue, const Parameters& p) {
   columns_.ensure(queue, 4 * length_ + 6 * node_boxes(cl_uint(length_)));
   outputs_.ensure(queue, nodes_ * NETWORK_OUTPUTS);
   poses_.ensure(queue, nodes_ * 7);
+  node_rows_.ensure(queue, nodes_ * NODE_ROW);
   nodes_columns_(queue, Range::over(length_), cl_uint(nodes_), cl_uint(length_),
                  p["node_places"].values, p["node_log_radii"].values, columns_);
   nodes_pose_(queue, Range::over((nodes_ + block_ - 1) / block_, block_ == 1 ? kNodesGroup : 1),
               cl_uint(nodes_), field_.grid(), p["node_places"].values, p["planes"].values,
-              field_.lines(), p["network"].values, outputs_, poses_);
+              field_.lines(), p["network"].values, outputs_, poses_, node_rows_);
 }
 
 void NodesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
@@ -72,13 +76,24 @@ void NodesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl
   field_.cut(queue, p, t);
   pose(queue, p);
   near_.ensure(queue, n * NODE_NEIGHBOURS);
+  weights_.ensure(queue, n * NODE_NEIGHBOURS);
   nodes_near_(queue, Range::over(n), cl_uint(n), cl_uint(nodes_), int(!seen), rows.buffer(),
-              seen ? *seen : p.rows.seen, p["means"].values, cl_uint(length_), columns_, near_);
+              seen ? *seen : p.rows.seen, p["means"].values, cl_uint(length_), columns_, near_,
+              weights_);
+  blend(queue, p, t, seen, rows);
   nodes_fwd_(queue, Range::over(n), cl_uint(n), t, window_sigmas(shape_.cutoff), int(!seen),
              rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
-             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
-             cl_uint(length_), p["node_places"].values, poses_, columns_, near_, gaussians.means,
-             gaussians.factors, gaussians.opacities);
+             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values, blends_,
+             gaussians.means, gaussians.factors, gaussians.opacities);
+}
+
+void NodesMotion::blend(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
+                        const RowList& rows) {
+  const size_t n = rows.count_of(p);
+  blends_.ensure(queue, n * kBlend);
+  nodes_blend_(queue, Range::over(n), cl_uint(n), int(!seen), field_.grid(), rows.buffer(),
+               seen ? *seen : p.rows.seen, p["means"].values, node_rows_, near_, weights_, blends_);
+  blended_ = t;
 }
 
 void NodesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
@@ -90,15 +105,21 @@ void NodesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   const cl_uint nodes = cl_uint(nodes_), length = cl_uint(length_);
   const Chunks parts = node_chunks(nodes_);
   field_.begin(queue, p, t, nodes_, parts);
-  pose(queue, p);
+  if (blended_ != t) {  // at() was called for a second time since
+    pose(queue, p);
+    blend(queue, p, t, &tiles_touched, rows);
+  }
+  v_blends_.ensure(queue, n * kBlend);
+  nodes_bwd_(queue, Range::over(n), cl_uint(n), t, int(first), rows.buffer(), p["means"].values,
+             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+             p["logit_opacities"].values, blends_, tiles_touched, v_means, v_factors, v_opacities,
+             p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
+             p["log_scales"].grads, p["logit_opacities"].grads, v_blends_);
   const Chunks chunks = sum_chunks(queue, n);
   sums_.ensure(queue, chunks.count * nodes_ * NODE_SUMS);
-  nodes_bwd_(queue, Range::groups(chunks.count, 1), cl_uint(n), chunks.length, nodes, t, int(first),
-             rows.buffer(), p["means"].values, p["means_t"].values, p["quats"].values,
-             p["log_scales"].values, p["logit_opacities"].values, length, p["node_places"].values,
-             poses_, columns_, near_, tiles_touched, v_means, v_factors, v_opacities, p.rows.seen,
-             p["means"].grads, p["means_t"].grads, p["quats"].grads, p["log_scales"].grads,
-             p["logit_opacities"].grads, sums_);
+  nodes_sum_(queue, Range::groups(chunks.count, 1), cl_uint(n), chunks.length, nodes, field_.grid(),
+             rows.buffer(), p["means"].values, length, columns_, node_rows_, near_, weights_,
+             tiles_touched, v_blends_, p["means"].grads, sums_);
   links_.ensure(queue, nodes_ * NODE_NEIGHBOURS);
   v_outputs_.ensure(queue, nodes_ * NETWORK_OUTPUTS);
   nodes_links_(queue, Range::over(nodes_), nodes, length, p["node_places"].values, columns_,

@@ -34,29 +34,38 @@ class NodesMotion : public Motion {
   void rearrange(Queue& queue, Parameters& parameters) override;
 
  private:
-  // Sets columns_, outputs_ and poses_ from the field, which was cut at a time.
+  // Sets columns_, outputs_, poses_ and node_rows_ from the field, which was cut at time t, and
+  // with near_ and weights_ the blends_ of the Gaussians of a view.
   void pose(Queue& queue, const Parameters& parameters);
+  void blend(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
+             const RowList& rows);
 
   MotionShape shape_;
   size_t nodes_, length_, block_;  // length_: of columns_
+  float blended_ = -1;             // the time of blends_
   float rigidity_;
   Program program_;
   Kernel<cl_uint, cl_uint, In<float>, In<float>, Out<float>> nodes_columns_;
   Kernel<cl_uint, cl_uint, In<float>, In<float>, Out<cl_uint>> nodes_links_;
   Kernel<cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, In<float>, cl_uint, In<float>,
-         Out<cl_uint>>
+         Out<cl_uint>, Out<float>>
       nodes_near_;
-  Kernel<cl_uint, HexplaneGrid, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_int, HexplaneGrid, In<cl_uint>, In<cl_uint>, In<float>, In<float>, In<cl_uint>,
+         In<float>, Out<float>>
+      nodes_blend_;
+  Kernel<cl_uint, HexplaneGrid, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
+         Out<float>>
       nodes_pose_;
   Kernel<cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, cl_uint, In<float>, In<float>, In<float>, In<cl_uint>,
-         Out<float>, Out<float>, Out<float>>
+         In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       nodes_fwd_;
-  Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, cl_uint, In<float>, In<float>, In<float>, In<cl_uint>, In<cl_uint>,
-         In<float>, In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>,
-         Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>,
+         Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       nodes_bwd_;
+  Kernel<cl_uint, cl_uint, cl_uint, HexplaneGrid, In<cl_uint>, In<float>, cl_uint, In<float>,
+         In<float>, In<cl_uint>, In<float>, In<cl_uint>, In<float>, Out<float>, Out<float>>
+      nodes_sum_;
   Kernel<cl_uint, cl_uint, HexplaneGrid, cl_float, In<float>, In<float>, In<float>, In<float>,
          In<cl_uint>, Out<cl_uint>, Out<float>, Out<float>, Out<float>>
       nodes_gather_;
@@ -66,6 +75,8 @@ class NodesMotion : public Motion {
   PlaneField field_;
   CanonicalRows canonical_rows_;
   Buffer<float> columns_{"node columns"}, outputs_{"node outputs"}, poses_{"node poses"};
+  Buffer<float> node_rows_{"node rows"}, weights_{"node weights"}, blends_{"blends"};
+  Buffer<float> v_blends_{"v_blends"};
   Buffer<float> sums_{"node sums"}, v_outputs_{"v_node_outputs"};
   Buffer<cl_uint> near_{"near nodes"}, links_{"node links"}, used_{"nodes used"};
 };

@@ -204,21 +204,33 @@ double basis_text() {
       });
 }
 
-// The pose of a node from the outputs of the field.
+// What a node does to a Gaussian: from the field's outputs, its place and the Gaussian's.
 double node_text() {
-  const HexplaneGrid grid{3, 3, {0, 0, 0}, {.5f, 1.5f, 2.f}};
-  const real3 place{-.2, .3, .1};
-  const real4 v_unit{.3, -.1, .8, .5};
+  const HexplaneGrid grid{3, 3, {.3f, -.2f, .1f}, {.5f, 1.5f, 2.f}};
+  const NodeBlend v{kMean, {.3, -.1, .8, .5}};
+  const auto row_of = [&](const std::vector<double>& x) {
+    std::vector<double> row(NODE_ROW);
+    node_row(node_pose(three(x, 7), grid, x.data()), node_centre(grid), row.data());
+    return row;
+  };
   return text_error(
-      7,
+      13,
       [&](const std::vector<double>& x) {
-        std::vector<double> v(7);
-        node_pose_vjp(grid, x.data(), v_unit, kMean, v.data());
-        return v;
+        std::vector<double> v_outputs(7), v_row(NODE_ROW);
+        node_blend_vjp(three(x, 10) - node_centre(grid), v, v_row.data());
+        const real3 v_mean = node_blend_vjp_place(row_of(x).data(), v.shift);
+        real4 v_unit;
+        real3 v_shift, v_place;
+        node_row_vjp(node_pose(three(x, 7), grid, x.data()), node_centre(grid), v_row.data(),
+                     &v_unit, &v_shift, &v_place);
+        node_pose_vjp(grid, x.data(), v_unit, v_shift, v_outputs.data());
+        std::vector<double> all = v_outputs;
+        for (const real3& part : {v_place, v_mean}) all.insert(all.end(), {part.x, part.y, part.z});
+        return all;
       },
       [&](const std::vector<double>& x) {
-        const BasisPose p = node_pose(place, grid, x.data());
-        return dot(p.quat, v_unit) + dot(p.shift, kMean);
+        const NodeBlend b = node_blend(row_of(x).data(), three(x, 10) - node_centre(grid));
+        return dot(b.shift, v.shift) + dot(b.turn, v.turn);
       });
 }
 

@@ -14,7 +14,8 @@
 
 #define NODE_NEIGHBOURS 4
 #define NODE_GROUP 16  // consecutive nodes with a common box
-#define NODE_SUMS 11   // per node: quaternion, shift, place, log radius
+#define NODE_ROW 16    // floats of a node's row
+#define NODE_SUMS 20   // of a node's gradients: its row, place, log radius
 
 // Boxes for `length` nodes, a multiple of NODE_GROUP: one per group, in whole lanes.
 static inline uint node_boxes(uint length) { return (length / NODE_GROUP + 15) / 16 * 16; }
@@ -42,6 +43,62 @@ static inline void node_pose_vjp(HexplaneGrid grid, const real* o, real4 v_unit,
   v_o[4] = v_quat.y;
   v_o[5] = v_quat.z;
   v_o[6] = v_quat.w;
+}
+
+// Relative to the centre c of the box, node k moves a place m' = m - c to R_k m' + T_k with
+// T_k = R_k (c - p_k) + p_k + s_k - c. So a Gaussian follows the weighted sum of rows of 16
+// numbers, (R - 1) by rows, T and q - 1, each a vector of a CPU.
+static inline real3 node_centre(HexplaneGrid grid) {
+  return make_real3((real)grid.centre[0], (real)grid.centre[1], (real)grid.centre[2]);
+}
+static inline void node_row(BasisPose p, real3 centre, real* row) {
+  const Mat3 r = quat_to_rotmat(p.quat);
+  const real3 t = basis_shift(p, centre);
+  const real4 turn = basis_turn(p);
+  row[0] = r.r1.x - (real)1, row[1] = r.r1.y, row[2] = r.r1.z;
+  row[3] = r.r2.x, row[4] = r.r2.y - (real)1, row[5] = r.r2.z;
+  row[6] = r.r3.x, row[7] = r.r3.y, row[8] = r.r3.z - (real)1;
+  row[9] = t.x, row[10] = t.y, row[11] = t.z;
+  row[12] = turn.x, row[13] = turn.y, row[14] = turn.z, row[15] = turn.w;
+}
+// The gradients by a node's pose, given that by its row.
+static inline void node_row_vjp(BasisPose p, real3 centre, const real* v_row, real4* v_unit,
+                                real3* v_shift, real3* v_place) {
+  const real3 v_t = make_real3(v_row[9], v_row[10], v_row[11]), arm = centre - p.pivot;
+  Mat3 v_r;
+  v_r.r1 = make_real3(v_row[0], v_row[1], v_row[2]) + arm * v_t.x;
+  v_r.r2 = make_real3(v_row[3], v_row[4], v_row[5]) + arm * v_t.y;
+  v_r.r3 = make_real3(v_row[6], v_row[7], v_row[8]) + arm * v_t.z;
+  *v_unit =
+      quat_to_rotmat_vjp(p.quat, v_r) + make_real4(v_row[12], v_row[13], v_row[14], v_row[15]);
+  *v_shift = v_t;
+  *v_place = v_t - mat3_transposed_times(quat_to_rotmat(p.quat), v_t);
+}
+
+// What a weighted sum of rows does to a place relative to the centre, and the gradients by both.
+typedef struct NodeBlend {
+  real3 shift;
+  real4 turn;
+} NodeBlend;
+static inline NodeBlend node_blend(const real* row, real3 place) {
+  NodeBlend b;
+  b.shift = make_real3(dot(make_real3(row[0], row[1], row[2]), place) + row[9],
+                       dot(make_real3(row[3], row[4], row[5]), place) + row[10],
+                       dot(make_real3(row[6], row[7], row[8]), place) + row[11]);
+  b.turn = make_real4(row[12], row[13], row[14], row[15]);
+  return b;
+}
+static inline void node_blend_vjp(real3 place, NodeBlend v, real* v_row) {
+  v_row[0] = v.shift.x * place.x, v_row[1] = v.shift.x * place.y, v_row[2] = v.shift.x * place.z;
+  v_row[3] = v.shift.y * place.x, v_row[4] = v.shift.y * place.y, v_row[5] = v.shift.y * place.z;
+  v_row[6] = v.shift.z * place.x, v_row[7] = v.shift.z * place.y, v_row[8] = v.shift.z * place.z;
+  v_row[9] = v.shift.x, v_row[10] = v.shift.y, v_row[11] = v.shift.z;
+  v_row[12] = v.turn.x, v_row[13] = v.turn.y, v_row[14] = v.turn.z, v_row[15] = v.turn.w;
+}
+static inline real3 node_blend_vjp_place(const real* row, real3 v_shift) {
+  return make_real3(row[0], row[1], row[2]) * v_shift.x +
+         make_real3(row[3], row[4], row[5]) * v_shift.y +
+         make_real3(row[6], row[7], row[8]) * v_shift.z;
 }
 
 // Rigidity between node a and its neighbour b (embedded deformation): how far b is from where a
