@@ -136,6 +136,7 @@ const MotionModel& bases_model() {
   static const MotionModel model = [] {
     MotionModel m;
     m.name = "bases";
+    m.has_quick_shapes = false;
     m.numbers = {key_count(),
                  {"bases", [](MotionShape& shape) -> int& { return shape.bases; }, 0, 1e3}};
     m.set_numbers = [](MotionShape& shape, const MotionOptions& options, int time_steps) {

@@ -69,6 +69,8 @@ struct MotionModel {
   bool is_permanent = false;
   // Each Gaussian has one path of few parameters over its lifetime.
   bool has_stiff_paths = false;
+  // Scales and quats may be learnt faster in short trainings (lr.steps) without harm to motion.
+  bool has_quick_shapes = true;
 
   std::unique_ptr<Motion> (*make)(Queue&, const MotionShape&) = nullptr;
   // As Motion::groups and Motion::tables, without a device. tables: nullptr if there are none.

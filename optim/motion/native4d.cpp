@@ -101,6 +101,7 @@ const MotionModel& native4d_model() {
     MotionModel m;
     m.name = "native4d";
     m.has_stiff_paths = true;
+    m.has_quick_shapes = false;  // the shape in space and time is the path
     m.make = [](Queue& queue, const MotionShape& shape) -> std::unique_ptr<Motion> {
       return std::make_unique<Native4dMotion>(queue, shape.cutoff);
     };

@@ -85,12 +85,11 @@ struct LearningRateOptions {
 
   template <class Self, class Field>
   static void fields(Self& self, Field&& field) {
-    field(
-        "steps", self.steps,
-        advanced("least number of training steps that the rates are for; with fewer, scales, quats "
-                 "and means_final (nodes and hexplane: all rates) grow by steps / "
-                 "train.iterations, at most 3 times; 0: never"),
-        at_least(0));
+    field("steps", self.steps,
+          advanced("least number of training steps that the rates are for; with fewer, means_final "
+                   "grows by steps / train.iterations, at most 3 times; so do scales and quats "
+                   "(not of native4d and bases), and all rates of nodes and hexplane; 0: never"),
+          at_least(0));
     field("means", self.means, "position at the first step [x scene extent]", at_least(0));
     field("means_final", self.means_final,
           advanced("position at the last step, reached exponentially [x scene extent]"), above(0));

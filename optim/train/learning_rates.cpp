@@ -21,12 +21,14 @@ float between_rates(float a, float b, double share) {
 // The rates of this training: what the motion model has of its own, and larger steps where there
 // are few, so that parameters get as far. Paths of Gaussians are left out: they would bend to
 // single frames.
-LearningRateOptions rates_of(const TrainOptions& config, bool permanent) {
+LearningRateOptions rates_of(const TrainOptions& config, const MotionModel& model) {
   constexpr double kMostHaste = 3;
   LearningRateOptions lr = config.lr;
   const float haste = float(std::clamp(lr.steps / double(config.train.iterations), 1., kMostHaste));
-  for (float* rate : {&lr.means_final, &lr.scales, &lr.quats, &lr.quats_final}) *rate *= haste;
-  if (!permanent) return lr;
+  lr.means_final *= haste;
+  if (model.has_quick_shapes)
+    for (float* rate : {&lr.scales, &lr.quats, &lr.quats_final}) *rate *= haste;
+  if (!model.is_permanent) return lr;
   lr.means = config.motion.hexplane.means;
   lr.opacity = config.motion.hexplane.opacity;
   for (float* rate : {&lr.means, &lr.opacity, &lr.sh, &lr.planes, &lr.planes_final, &lr.network,
@@ -39,7 +41,7 @@ LearningRateOptions rates_of(const TrainOptions& config, bool permanent) {
 
 Rates::Rates(const TrainOptions& config, const Scene& scene, const MotionShape& shape)
     : config_(config),
-      lr_(rates_of(config, is_permanent(shape.motion))),
+      lr_(rates_of(config, motion_model_of(shape.motion))),
       scene_(scene),
       shape_(shape) {
   const double pixel = pixel_size(scene) * config.scene.resolution;

@@ -106,6 +106,12 @@ TEST_F(RatesTest, GrowWhereStepsAreFew) {
   EXPECT_FLOAT_EQ(rate(Quantity::opacity, 0), 2 * config.motion.hexplane.opacity);
   EXPECT_FLOAT_EQ(rate(Quantity::plane, 100), 2 * config.lr.planes_final);
   EXPECT_FLOAT_EQ(rate(Quantity::network, 100), 2 * config.lr.network_final);
+  for (const MotionModelKind kind : {MotionModelKind::native4d, MotionModelKind::bases}) {
+    shape.motion = kind;
+    EXPECT_FLOAT_EQ(rate(Quantity::position, 100), 0.005f);
+    EXPECT_FLOAT_EQ(rate(Quantity::scale, 0), config.lr.scales);
+    EXPECT_FLOAT_EQ(rate(Quantity::rotation, 50), 0.2f);
+  }
 }
 
 TEST_F(RatesTest, HigherBandsOfColourLearnSlowerByTheirDivisor) {
