@@ -17,6 +17,7 @@ namespace gflow::stress {
 
 // Defined in derivatives_of_motion.cpp and derivatives_of_losses.cpp.
 std::vector<Derivative> motion_derivatives(Queue& queue);
+std::vector<Derivative> motion_loss_derivatives(Queue& queue);
 std::vector<Derivative> loss_derivatives(Queue& queue);
 #ifdef GFLOW_WITH_OPENCV
 // Defined in training/derivatives_of_host.cpp.
@@ -382,8 +383,8 @@ std::vector<Derivative> derivatives(Queue& queue) {
   rows.push_back(image_row(queue, "flow", Transport::paper, 3, StopRule::exclude));
   rows.push_back(posed_row(queue));
   rows.push_back(sh_row(queue));
-  for (Derivative& row : motion_derivatives(queue)) rows.push_back(std::move(row));
-  for (Derivative& row : loss_derivatives(queue)) rows.push_back(std::move(row));
+  for (const auto& more : {motion_derivatives, motion_loss_derivatives, loss_derivatives})
+    for (Derivative& row : more(queue)) rows.push_back(std::move(row));
   rows.push_back(price_row(queue));
   rows.push_back(static_gradient_row(queue));
 #ifdef GFLOW_WITH_OPENCV
