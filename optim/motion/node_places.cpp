@@ -64,6 +64,7 @@ void add_load(const float* mean, const NodePlaces& nodes, std::vector<Load>& loa
     weights[j] = 0.5 * near[j].first * std::exp(-2.0 * double(nodes.log_radii[near[j].second]));
     least = std::min(least, weights[j]);
   }
+  if (!std::isfinite(least)) return;  // a broken Gaussian
   for (double& w : weights) sum += w = std::exp(least - w);
   for (size_t j = 0; j < near.size(); ++j) loads[near[j].second].weight += weights[j] / sum;
   const size_t most = size_t(std::max_element(weights.begin(), weights.end()) - weights.begin());
@@ -71,12 +72,13 @@ void add_load(const float* mean, const NodePlaces& nodes, std::vector<Load>& loa
 }
 
 // Puts a node half way from `place` to the farthest of the Gaussians that it carries, and divides
-// the load between the two.
-void share_load(const float* place, Load& load, float* other_place, Load& other) {
+// the load between the two. Changes nothing and returns false if all of them are at one place.
+bool share_load(const float* place, Load& load, float* other_place, Load& other) {
   const auto nearer = [&](const float* a, const float* b) {
     return squared_distance(a, place) < squared_distance(b, place);
   };
   const float* far = *std::max_element(load.means.begin(), load.means.end(), nearer);
+  if (!(squared_distance(far, place) > 0)) return false;
   for (int c = 0; c < 3; ++c) other_place[c] = 0.5f * (place[c] + far[c]);
   const auto stays =
       std::stable_partition(load.means.begin(), load.means.end(), [&](const float* mean) {
@@ -87,6 +89,7 @@ void share_load(const float* place, Load& load, float* other_place, Load& other)
   load.means.erase(stays, load.means.end());
   other.weight = load.weight * part;
   load.weight *= 1 - part;
+  return true;
 }
 
 }  // namespace
@@ -128,7 +131,7 @@ std::vector<size_t> relieve_nodes(const std::vector<float>& means, NodePlaces& n
     const auto heaviest = std::max_element(loads.begin(), loads.end(), lighter);
     if (heaviest->weight < kHeavy * mean || heaviest->means.size() < 2) break;
     const size_t heavy = size_t(heaviest - loads.begin());
-    share_load(&nodes.places[3 * heavy], *heaviest, &nodes.places[3 * k], loads[k]);
+    if (!share_load(&nodes.places[3 * heavy], *heaviest, &nodes.places[3 * k], loads[k])) break;
     nodes.log_radii[k] = nodes.log_radii[heavy];
     from[k] = from[heavy];
   }

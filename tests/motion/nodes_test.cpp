@@ -157,6 +157,16 @@ TEST(Nodes, IdleOnesRelieveThoseThatCarryMost) {
   EXPECT_EQ(nodes.places, before.places);
 }
 
+TEST(Nodes, NoneGoesToBrokenGaussiansNorToWhereOneIsEnough) {
+  NodePlaces nodes{{0, 0, 0, 1, 0, 0, 2, 0, 0, 8, 9, 9, 9, 9, 9}, std::vector<float>(5, -2.f)};
+  const NodePlaces before = nodes;
+  std::vector<float> means;
+  for (int k = 0; k < 40; ++k) means.insert(means.end(), {0, 0, 0});
+  for (int k = 0; k < 40; ++k) means.insert(means.end(), {NAN, 0, INFINITY});
+  relieve_nodes(means, nodes);
+  EXPECT_EQ(nodes.places, before.places);
+}
+
 // Many in random places: rows are sorted by place, and each moment follows its row.
 TEST(Nodes, MomentsGoWithThem) {
   Queue queue = test_queue();
