@@ -157,13 +157,19 @@ TEST(Nodes, IdleOnesRelieveThoseThatCarryMost) {
   EXPECT_EQ(nodes.places, before.places);
 }
 
-TEST(Nodes, NoneGoesToBrokenGaussiansNorToWhereOneIsEnough) {
+TEST(Nodes, BrokenGaussiansDrawNone) {
+  NodePlaces nodes{{0, 0, 0, 1, 0, 0, 2, 0, 0, 9, 9, 9, 8, 9, 9}, std::vector<float>(5, -2.f)};
+  std::vector<float> means{1, 0, 0, 1, 0.1f, 0, 2, 0, 0, 2, 0.1f, 0};
+  for (int k = 0; k < 40; ++k) means.insert(means.end(), {0, 0, 0.01f * float(k)});
+  for (int k = 0; k < 40; ++k) means.insert(means.end(), {NAN, 0, INFINITY});
+  EXPECT_EQ(relieve_nodes(means, nodes), (std::vector<size_t>{0, 1, 2, 0, 0}));
+  for (const float x : nodes.places) EXPECT_TRUE(std::isfinite(x));
+}
+
+TEST(Nodes, OneIsEnoughForManyGaussiansAtOnePlace) {
   NodePlaces nodes{{0, 0, 0, 1, 0, 0, 2, 0, 0, 8, 9, 9, 9, 9, 9}, std::vector<float>(5, -2.f)};
   const NodePlaces before = nodes;
-  std::vector<float> means;
-  for (int k = 0; k < 40; ++k) means.insert(means.end(), {0, 0, 0});
-  for (int k = 0; k < 40; ++k) means.insert(means.end(), {NAN, 0, INFINITY});
-  relieve_nodes(means, nodes);
+  relieve_nodes(std::vector<float>(120, 0.f), nodes);
   EXPECT_EQ(nodes.places, before.places);
 }
 
