@@ -14,8 +14,8 @@
 namespace gflow {
 namespace {
 
-constexpr int kRoundsToRearrange = 5;
-constexpr int kComparedTimes = 60;  // largest number of times at which a round compares poses
+constexpr int kRoundsToRearrange = 5;  // rounds from one Motion::rearrange() to the next
+constexpr int kComparedTimes = 60;     // largest number of times at which a round compares poses
 
 // nullptr if the split is off, Gaussians have no motion of their own, or keys are trained one by
 // one: then later motion is unknown.

@@ -109,6 +109,7 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
     config.motion.model = choice_of(kind);
     config.train.batch = kind == MotionModelKind::native4d ? 2 : 1;
     if (kind == MotionModelKind::bases) config.density.strategy = DensityKind::mcmc;
+    if (kind == MotionModelKind::nodes) config.density.every = 20;  // nodes move at 100
     SmallTraining training(queue(), config);
     training.steps(queue(), 130);
     const Arrays state = training.trainer.state(queue());
@@ -119,6 +120,31 @@ TEST_F(TrainerTest, GoesOnFromASavedStateWithTheSameBits) {
     other.steps(queue(), 90);
     expect_equal_bits(training.bits(queue()), other.bits(queue()));
   }
+}
+
+// There are more nodes than Gaussians at first, so some are idle.
+TEST_F(TrainerTest, NodesMoveInEveryFifthRoundOfDensityControl) {
+  TrainOptions config = small_config(scene(), 260);
+  config.motion.model = choice_of(MotionModelKind::nodes);
+  config.density.start = 10;
+  config.density.every = 10;
+  SmallTraining training(queue(), config);
+  const auto farthest_in_a_step = [&] {
+    const auto places = [&] {
+      return training.model.parameters["node_places"].values.read(queue());
+    };
+    const std::vector<float> before = places();
+    training.steps(queue(), 1);
+    const std::vector<float> after = places();
+    float most = 0;
+    for (size_t k = 0; k < before.size(); ++k)
+      most = std::max(most, std::fabs(after[k] - before[k]));
+    return most;
+  };
+  training.steps(queue(), 39);
+  const float in_a_round = farthest_in_a_step();
+  training.steps(queue(), 9);
+  EXPECT_GT(farthest_in_a_step(), 10 * in_a_round);
 }
 
 // Rounds at 60, 120 and 180: at step 130 gradients are accumulated for the next one. Density

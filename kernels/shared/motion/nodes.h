@@ -47,7 +47,7 @@ static inline void node_pose_vjp(HexplaneGrid grid, const real* o, real4 v_unit,
 
 // Relative to the centre c of the box, node k moves a place m' = m - c to R_k m' + T_k with
 // T_k = R_k (c - p_k) + p_k + s_k - c. So a Gaussian follows the weighted sum of rows of 16
-// numbers, (R - 1) by rows, T and q - 1, each a vector of a CPU.
+// numbers, (R - 1) by rows, T and q - 1: whole vectors of a CPU.
 static inline real3 node_centre(HexplaneGrid grid) {
   return make_real3((real)grid.centre[0], (real)grid.centre[1], (real)grid.centre[2]);
 }
