@@ -25,6 +25,7 @@ struct DensityOptions {
   float split_travel = 1;
   float min_lifetime = 1;
   float prune_scale = 0.5f;
+  float prune_hidden = 0.2f;
   int opacity_reset_every = 0;
   float growth = 0.05f;
   float spread = 0.5f;
@@ -64,6 +65,10 @@ struct DensityOptions {
           advanced("adc: shortest lifetime after a split [time steps]"), above(0));
     field("prune_scale", self.prune_scale,
           advanced("adc: remove larger Gaussians [x scene extent]"), above(0));
+    field("prune_hidden", self.prune_hidden,
+          advanced("nodes, hexplane: remove Gaussians of which no training view shows this share, "
+                   "others being in front; 0: off"),
+          between(0, 1));
     field("opacity_reset_every", self.opacity_reset_every,
           advanced("adc: steps between two resets of all opacities to at most 2 x prune_opacity; "
                    "0: never"),

@@ -21,6 +21,7 @@ enum : uint {
   kReach = 15,
   kTile = 16,
   kTileSeed = 17,
+  kWeighed = 18,  // per training
   // Per guided view; the seed is a number of kGuidance.
   kTimestep = 31,
   kLatentNoise = 32,  // and 33: pairs of numbers

@@ -9,12 +9,14 @@
 #include "optim/density/memory.hpp"
 #include "optim/engine/random_streams.hpp"
 #include "optim/options/scene_defaults.hpp"
+#include "optim/train/curriculum.hpp"
 #include "shared/random.h"
 
 namespace gflow {
 namespace {
 
 constexpr int kRoundsToRearrange = 5;  // rounds from one Motion::rearrange() to the next
+constexpr size_t kWeighedViews = 200;  // largest number in which hidden Gaussians are sought
 constexpr int kComparedTimes = 60;     // largest number of times at which a round compares poses
 
 // nullptr if the split is off, Gaussians have no motion of their own, or keys are trained one by
@@ -53,6 +55,7 @@ Population::Population(Queue& queue, const TrainOptions& config, const Scene& sc
       density_(config.density.enabled ? make_density(queue, config.density.strategy) : nullptr),
       density_rule_(density_rule(config, scene, model.shape)),
       near_fade_(queue),
+      hidden_(queue),
       order_(queue),
       static_detection_(static_detection_for(queue, config, scene, model.parameters)) {}
 
@@ -110,6 +113,33 @@ void Population::fade_near(Queue& queue, uint32_t random) {
   for (const auto& [camera, view] : cameras) views.push_back(view);
   near_fade_.run(queue, model_.parameters, *model_.motion, model_.time(one.time), views,
                  logit(density_rule_.prune_opacity) - 1);
+}
+
+// In the first round after the curriculum, when all views have been trained, and in the last one.
+bool Population::seeks_hidden(int done) const {
+  const DensityOptions& d = config_.density;
+  const bool permanent = is_permanent(model_.shape.motion);
+  if (!density_ || !permanent || d.prune_hidden == 0 || done % d.every != 0 || !refining(done))
+    return false;
+  const Curriculum curriculum = Curriculum::of(config_, permanent);
+  const auto all_trained = [&](int at) { return refining(at) && curriculum.share(at) >= 1; };
+  return all_trained(done) && (!all_trained(done - d.every) || !refining(done + d.every));
+}
+
+void Population::fade_hidden(Queue& queue, int step, const Renderer& renderer,
+                             const std::function<void(const Frame&)>& weigh) {
+  if (!seeks_hidden(step + 1)) return;
+  Parameters& p = model_.parameters;
+  const std::vector<Frame>& frames = scene_.train;
+  const uint seed = uint(config_.train.seed);
+  hidden_.begin(queue, p);
+  for (size_t k = 0; k < std::min(frames.size(), kWeighedViews); ++k) {
+    const uint any = random_bits(seed, streams::kWeighed, uint(k));
+    weigh(frames[frames.size() > kWeighedViews ? any % frames.size() : k]);
+    hidden_.see(queue, p, renderer.rows().list(), renderer.shot().view.camera,
+                renderer.engine().splats(), renderer.gradients());
+  }
+  hidden_.fade(queue, p, config_.density.prune_hidden, logit(density_rule_.prune_opacity) - 1);
 }
 
 bool Population::refine(Queue& queue, uint32_t seed) {

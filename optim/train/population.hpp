@@ -2,12 +2,14 @@
 // Number and order of Gaussians: density control, static/dynamic split, and row order. If memory
 // runs out, training continues with the Gaussians that exist.
 #pragma once
+#include <functional>
 #include <limits>
 #include <memory>
 #include <string>
 #include <utility>
 
 #include "optim/density/density.hpp"
+#include "optim/density/hidden.hpp"
 #include "optim/density/near_fade.hpp"
 #include "optim/density/order.hpp"
 #include "optim/density/static_detection.hpp"
@@ -27,6 +29,11 @@ class Population {
   // pixels of it take no part in the losses.
   void see(Queue& queue, const Renderer& renderer, const Shot& shot, int width, int height,
            bool some_ignored);
+  // Before step `step`, from 0, in two rounds of a training with permanent Gaussians: makes those
+  // that no view shows so faint that the round removes them (density.prune_hidden). weigh:
+  // ViewPass::weigh() with `renderer`.
+  void fade_hidden(Queue& queue, int step, const Renderer& renderer,
+                   const std::function<void(const Frame&)>& weigh);
   // Adds the regularisers of density control to the gradients; before Adam.
   void add_gradients(Queue& queue);
   // After Adam of training step `step`, from 0, whose last view is in `renderer`; position_rate:
@@ -46,6 +53,7 @@ class Population {
 
  private:
   bool refining(int done) const;
+  bool seeks_hidden(int done) const;
   bool refine(Queue& queue, uint32_t seed);
   bool settling(int done) const;
   bool settle(Queue& queue);
@@ -59,6 +67,7 @@ class Population {
   std::unique_ptr<Density> density_;  // nullptr: the number is constant
   DensityRule density_rule_;
   NearFade near_fade_;
+  Hidden hidden_;
   RowOrder order_;
   std::unique_ptr<StaticDetection> static_detection_;         // nullptr: all are dynamic
   size_t memory_holds_ = std::numeric_limits<size_t>::max();  // limit on the number of Gaussians

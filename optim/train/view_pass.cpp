@@ -72,6 +72,18 @@ void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sampl
   renderer_.backward_to_parameters(queue, model_);
 }
 
+void ViewPass::weigh(Queue& queue, const Frame& frame) {
+  Shot shot;
+  shot.view.camera = pinhole(frames_.camera(frame), near_);
+  shot.view.camera_t2 = shot.view.camera;
+  shot.time = shot.time_t2 = frame.time;
+  shot.sh_degree = 0;
+  renderer_.forward(queue, model_, shot);
+  v_.zero(queue, renderer_.images(), false, false);
+  v_.v_rgb.fill(queue, 1.f);
+  renderer_.backward_to_poses(queue, v_);
+}
+
 LossReport ViewPass::report(Queue& queue) {
   LossReport report;
   for (const auto& objective : objectives_) objective->report(queue, renderer_, report);

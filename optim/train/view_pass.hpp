@@ -28,6 +28,10 @@ class ViewPass {
   void run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
            bool all_posed);
 
+  // Renders a frame and sets v_colors of renderer().gradients() to the sums of the Gaussians'
+  // weights over its pixels.
+  void weigh(Queue& queue, const Frame& frame);
+
   // What the objectives report of the last step. Waits.
   LossReport report(Queue& queue);
   void rows_changed();

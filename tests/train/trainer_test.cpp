@@ -147,6 +147,40 @@ TEST_F(TrainerTest, NodesMoveInEveryFifthRoundOfDensityControl) {
   EXPECT_GT(farthest_in_a_step(), 10 * in_a_round);
 }
 
+// Rounds every 10 steps until step 130, which add none and remove no large ones; the curriculum
+// ends before step 60.
+TEST_F(TrainerTest, WhatNoViewShowsIsRemovedAfterTheCurriculumAndInTheLastRound) {
+  TrainOptions config = small_config(scene(), 260);
+  config.motion.model = choice_of(MotionModelKind::nodes);
+  config.motion.hexplane.warmup = 20;
+  config.motion.hexplane.curriculum = 0.15f;
+  config.motion.hexplane.grad_threshold = 1;
+  config.density.prune_scale = 100;
+  config.density.start = 10;
+  config.density.every = 10;
+  for (const float share : {0.f, 0.2f}) {
+    config.density.prune_hidden = share;
+    SmallTraining training(queue(), config);
+    const auto means = [&]() -> Buffer<float>& {
+      return training.model.parameters["means"].values;
+    };
+    int done = 0;
+    const auto outlasts = [&](int steps) {
+      std::vector<float> values = means().read(queue());
+      values.at(0) = 1000;  // where no camera looks
+      means().write(queue(), values);
+      for (; done < steps; ++done) training.steps(queue(), 1);
+      values = means().read(queue());
+      return *std::max_element(values.begin(), values.end()) > 900;
+    };
+    EXPECT_TRUE(outlasts(45));
+    EXPECT_EQ(outlasts(75), share == 0);
+    EXPECT_TRUE(outlasts(125));
+    EXPECT_EQ(outlasts(135), share == 0);
+    EXPECT_GT(training.model.parameters.count, 10u);
+  }
+}
+
 // Rounds at 60, 120 and 180: at step 130 gradients are accumulated for the next one. Density
 // control from 150 on.
 TEST_F(TrainerTest, GoesOnWithStaticOnesWithTheSameBits) {
