@@ -95,6 +95,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   app.fallthrough();
 #ifdef GFLOW_WITH_OPENCV
   gflow::add_train(app, options);
+  gflow::add_cameras(app, options);
   gflow::add_render(app, options);
   gflow::add_eval(app, options);
   gflow::add_export(app, options);

@@ -33,7 +33,8 @@ void add_devices(CLI::App& app, const GlobalOptions& options);
 void add_splat(CLI::App& app, const GlobalOptions& options);
 void add_stress(CLI::App& app, const GlobalOptions& options);
 void add_import(CLI::App& app, const GlobalOptions& options);
-void add_train(CLI::App& app, const GlobalOptions& options);  // these need OpenCV
+void add_cameras(CLI::App& app, const GlobalOptions& options);  // these need OpenCV
+void add_train(CLI::App& app, const GlobalOptions& options);
 void add_settings(CLI::App& app, const GlobalOptions& options);
 void add_render(CLI::App& app, const GlobalOptions& options);
 void add_export(CLI::App& app, const GlobalOptions& options);

@@ -47,6 +47,13 @@ cv::Ptr<cv::DISOpticalFlow> dis_for(CameraMotion camera) {
   return dis;
 }
 
+cv::Ptr<cv::DISOpticalFlow> quick_dis() {
+  auto dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
+  dis->setFinestScale(0);
+  dis->setPatchStride(4);
+  return dis;
+}
+
 void check_pair(const Image& a, const Image& b) {
   const bool rgb = a.channels == 3 && b.channels == 3;
   if (!rgb || a.width != b.width || a.height != b.height || a.width < 1 || a.height < 1)
@@ -102,6 +109,29 @@ void paste(const TargetFlow& from, const Rect& at, TargetFlow& to) {
     }
 }
 
+std::pair<TargetFlow, TargetFlow> flows_in(const std::vector<Rect>& parts, const Image& a,
+                                           const Image& b, cv::DISOpticalFlow& dis) {
+  check_pair(a, b);
+  limit_opencv_to_one_thread();
+  const cv::Mat first = grey(a), second = grey(b);
+  TargetFlow there{zero_flow(a.width, a.height), {}};
+  there.confidence.assign(there.flow.valid.size(), 255);
+  TargetFlow back = there;
+  for (const Rect& part : parts) {
+    const cv::Mat from = part_of(first, part), to = part_of(second, part);
+    cv::Mat uv_there, uv_back;
+    dis.calc(from, to, uv_there);
+    dis.calc(to, from, uv_back);
+    TargetFlow part_there{field_of(uv_there, part.width, part.height), {}};
+    TargetFlow part_back{field_of(uv_back, part.width, part.height), {}};
+    part_there.confidence = consistency(part_there.flow, part_back.flow);
+    part_back.confidence = consistency(part_back.flow, part_there.flow);
+    paste(part_there, part, there);
+    paste(part_back, part, back);
+  }
+  return {there, back};
+}
+
 }  // namespace
 
 std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& backward) {
@@ -122,27 +152,13 @@ std::vector<uint8_t> consistency(const FlowField& forward, const FlowField& back
 std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Image& b,
                                                         CameraMotion camera) {
   check_pair(a, b);
-  limit_opencv_to_one_thread();
-  const cv::Mat first = grey(a), second = grey(b);
-  const auto dis = dis_for(camera);
-  TargetFlow there{zero_flow(a.width, a.height), {}};
-  there.confidence.assign(there.flow.valid.size(), 255);
-  TargetFlow back = there;
-  for (const Rect& part : camera == CameraMotion::none
-                              ? changed_regions(a, b)
-                              : std::vector<Rect>{{0, 0, a.width, a.height}}) {
-    const cv::Mat from = part_of(first, part), to = part_of(second, part);
-    cv::Mat uv_there, uv_back;
-    dis->calc(from, to, uv_there);
-    dis->calc(to, from, uv_back);
-    TargetFlow part_there{field_of(uv_there, part.width, part.height), {}};
-    TargetFlow part_back{field_of(uv_back, part.width, part.height), {}};
-    part_there.confidence = consistency(part_there.flow, part_back.flow);
-    part_back.confidence = consistency(part_back.flow, part_there.flow);
-    paste(part_there, part, there);
-    paste(part_back, part, back);
-  }
-  return {there, back};
+  return flows_in(camera == CameraMotion::none ? changed_regions(a, b)
+                                               : std::vector<Rect>{{0, 0, a.width, a.height}},
+                  a, b, *dis_for(camera));
+}
+
+std::pair<TargetFlow, TargetFlow> estimate_quick_flows(const Image& a, const Image& b) {
+  return flows_in({{0, 0, a.width, a.height}}, a, b, *quick_dis());
 }
 
 TargetFlow resized(const TargetFlow& target_flow, int width, int height) {

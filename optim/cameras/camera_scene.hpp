@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes a video whose camera is known as a scene folder: images/, transforms.json (nerfstudio,
+// with times; gflow reads this), sparse/0 (COLMAP, text), points3D.ply, cameras.json.
+#pragma once
+#include <string>
+
+#include "optim/cameras/bundle.hpp"
+#include "optim/scene/frame_store.hpp"
+#include "runtime/base/report.hpp"
+
+namespace gflow {
+
+// frames: those of the video, in order; frame k has pose k of the path, and is left out without.
+// Images are stored as PNG. The folder is made; files in it are replaced. progress: in images.
+void write_camera_scene(const std::string& folder, const std::vector<Frame>& frames,
+                        FrameStore& store, const std::vector<FeatureTrack>& tracks,
+                        const CameraPath& path, const ProgressCallback& progress);
+
+}  // namespace gflow
