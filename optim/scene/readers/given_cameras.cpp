@@ -110,7 +110,8 @@ void report_no_poses(const SceneOptions& options, std::vector<std::string>& noti
   if (options.cameras.empty())
     notices.push_back(
         "there are no camera poses: the camera is assumed to be static, at scene.elevation and "
-        "radius with scene.fovy; the poses of a moving camera are given with --cameras");
+        "radius with scene.fovy; if it moves, `gflow cameras` finds its poses, or --cameras gives "
+        "them");
 }
 
 ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
