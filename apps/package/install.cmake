@@ -27,7 +27,7 @@ install(TARGETS gflow_base gflow_runtime gflow_formats gflow_engine EXPORT engin
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
 install(EXPORT engine NAMESPACE gflow:: FILE gflowEngineTargets.cmake DESTINATION ${PACKAGE_DIR} COMPONENT dev)
 if(OpenCV_FOUND)
-  install(TARGETS gflow_scene gflow_networks gflow_guidance gflow_train EXPORT train
+  install(TARGETS gflow_scene gflow_cameras gflow_networks gflow_guidance gflow_train EXPORT train
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
   install(EXPORT train NAMESPACE gflow:: FILE gflowTrainTargets.cmake DESTINATION ${PACKAGE_DIR} COMPONENT dev)
 endif()
@@ -63,7 +63,7 @@ set(dev_packages pkg-config ocl-icd-opencl-dev opencl-clhpp-headers libeigen3-de
     zlib1g-dev libzip-dev libzstd-dev)
 if(OpenCV_FOUND)
   list(APPEND dev_packages nlohmann-json3-dev libtomlplusplus-dev libjpeg-dev libpng-dev libtiff-dev libwebp-dev
-       libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev libavformat-dev libavcodec-dev libswscale-dev libavutil-dev)
+       libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev libopencv-calib3d-dev libceres-dev libavformat-dev libavcodec-dev libswscale-dev libavutil-dev)
 endif()
 if(OPENCV_DNN_LIBRARY)
   list(APPEND dev_packages libopencv-dnn-dev)

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "optim/cameras/camera_moves.hpp"
 #include "optim/density/memory.hpp"
 #include "optim/flow/chained_flow.hpp"
 #include "optim/flow/estimated_flow.hpp"
@@ -133,6 +134,17 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
   return flows;
 }
 
+// A video without poses is trained as that of a static camera.
+void warn_of_moving_camera(const TrainOptions& config, const LoadedScene& loaded) {
+  const Scene& scene = loaded.scene;
+  if (!takes_cameras(scene.layout) || !config.scene.cameras.empty() || scene.has_alpha) return;
+  if (camera_moves(scene.train, *loaded.frames))
+    warn(fmt::format(
+        "the camera seems to move, but is trained as a static one: `gflow cameras {} -o SCENE` "
+        "finds its poses and writes a scene to train on",
+        scene.folder));
+}
+
 }  // namespace
 
 Preparation::Preparation(const TrainOptions& config, const std::string& unpack_folder)
@@ -169,6 +181,7 @@ void Preparation::compute_flow(const std::string& folder, bool quiet,
 }
 
 void Preparation::find_motion_masks() {
+  warn_of_moving_camera(config_, loaded_);
   if (config_.init.dynamic > 0 || config_.train.focus > 0)
     static_cameras_ = static_cameras_of(scene(), frames());
   parts_ = parts_of_interest(scene(), frames(), static_cameras_);

@@ -88,6 +88,19 @@ TEST_F(CamerasCommand, FramesAfterACutAreNamedAndLeftOut) {
   EXPECT_EQ(read_colmap_model(path("scene") + "/sparse/0").images.size(), size_t(kFilmed));
 }
 
+TEST_F(CamerasCommand, TrainingTellsOfACameraThatMoves) {
+  const auto errors_of = [&](const std::string& film_folder) {
+    const Outcome result = gflow({"train", film_folder, "-o", film_folder + "_run", "--iterations",
+                                  "1", "--quiet", "--set", "flow.enabled=false"});
+    EXPECT_EQ(result.code, 0) << result.err;
+    return result.err;
+  };
+  EXPECT_NE(errors_of(film("film", 6)).find("the camera seems to move"), std::string::npos);
+  for (int k = 0; k < 6; ++k)
+    write_png(folder().file(fmt::format("still/{}.png", k)), seen_from(3));
+  EXPECT_EQ(errors_of(path("still")).find("the camera seems to move"), std::string::npos);
+}
+
 TEST_F(CamerasCommand, AFolderWithFilesStaysAsItIs) {
   const std::string film_folder = film("film", 3);
   const Outcome result = gflow({"cameras", film_folder, "-o", film_folder, "--quiet"});

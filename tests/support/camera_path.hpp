@@ -2,6 +2,7 @@
 // Cameras that move, as truth for estimated ones, and their comparison up to a similarity.
 #pragma once
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -27,10 +28,10 @@ inline Eigen::Isometry3d pose_on_arc(int k, int n) {
   return camera_to_world.inverse();
 }
 
-// Largest errors of poses (world to camera) after the best similarity.
+// Errors of poses (world to camera) after the best similarity.
 struct PoseErrors {
-  double place = 0;  // as a share of the length of the true path
-  double angle = 0;  // [degrees]
+  double place = 0;  // root mean square, as a share of the length of the true path
+  double angle = 0;  // median [degrees]
 };
 
 inline PoseErrors compare_poses(const std::vector<Eigen::Isometry3d>& found,
@@ -48,15 +49,19 @@ inline PoseErrors compare_poses(const std::vector<Eigen::Isometry3d>& found,
   const Eigen::Matrix4d similarity = Eigen::umeyama(from, to, true);
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
-  PoseErrors worst;
+  PoseErrors errors;
+  std::vector<double> angles;
   for (size_t k = 0; k < n; ++k) {
     const Eigen::Vector3d moved = (similarity * from.col(long(k)).homogeneous()).head<3>();
-    worst.place = std::max(worst.place, (moved - to.col(long(k))).norm() / length);
+    errors.place += (moved - to.col(long(k))).squaredNorm() / double(n);
     const Eigen::Matrix3d left =
         found[k].rotation() * turn.transpose() * truth[k].rotation().transpose();
-    worst.angle = std::max(worst.angle, Eigen::AngleAxisd(left).angle() / degree);
+    angles.push_back(Eigen::AngleAxisd(left).angle() / degree);
   }
-  return worst;
+  errors.place = std::sqrt(errors.place) / length;
+  std::nth_element(angles.begin(), angles.begin() + long(n / 2), angles.end());
+  errors.angle = angles[n / 2];
+  return errors;
 }
 
 // A smooth random texture, -1 to 1, of about one feature per unit.
