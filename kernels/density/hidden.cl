@@ -12,7 +12,7 @@ kernel void hidden_see(const uint n, const float width, const float height,
                        global const uint* restrict tiles_touched,  // [n]
                        global const float* restrict splats,        // [n, 16]
                        global const float* restrict v_colors,      // [n, 3]
-                       global float* restrict shown) {             // [Gaussians]
+                       global float* restrict shown) {  // [Gaussians]; < 0: not judged
   const uint k = get_global_id(0);
   if (k >= n || tiles_touched[k] == 0) return;
   global const float* s = splats + 16 * (size_t)k;
@@ -26,5 +26,5 @@ kernel void hidden_fade(const uint n, const float least, const float limit,
                         global const float* restrict shown,
                         global float* restrict logit_opacities) {
   const uint i = get_global_id(0);
-  if (i < n && shown[i] < least) logit_opacities[i] = fmin(logit_opacities[i], limit);
+  if (i < n && shown[i] >= 0 && shown[i] < least) logit_opacities[i] = fmin(logit_opacities[i], limit);
 }

@@ -8,9 +8,9 @@ Hidden::Hidden(Queue& queue)
       hidden_see_(program_, "hidden_see"),
       hidden_fade_(program_, "hidden_fade") {}
 
-void Hidden::begin(Queue& queue, const Parameters& parameters) {
+void Hidden::begin(Queue& queue, const Parameters& parameters, bool all_views) {
   shown_.ensure(queue, parameters.count);
-  shown_.fill(queue, 0.f);
+  shown_.fill(queue, all_views ? 0.f : -1.f);
 }
 
 void Hidden::see(Queue& queue, const Parameters& parameters, const RowList& rows,

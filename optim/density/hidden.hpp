@@ -11,8 +11,9 @@ class Hidden {
  public:
   explicit Hidden(Queue& queue);
 
-  // No view has been seen yet.
-  void begin(Queue& queue, const Parameters& parameters);
+  // No view has been seen yet. all_views: all views will be, so a Gaussian outside all of them is
+  // hidden; else it stays.
+  void begin(Queue& queue, const Parameters& parameters, bool all_views);
   // A view of these rows, after a backward pass with a gradient of 1 to every pixel's colour.
   void see(Queue& queue, const Parameters& parameters, const RowList& rows,
            const PinholeCamera& camera, const Splats& splats, const GaussianGradients& v);

@@ -175,7 +175,7 @@ const MotionModel& nodes_model() {
   static const MotionModel model = [] {
     MotionModel m;
     m.name = "nodes";
-    m.own = {{"count", 512, "number of nodes", between(NODE_NEIGHBOURS, 4096)},
+    m.own = {{"count", 512, "number of nodes; thousands are slow", between(NODE_NEIGHBOURS, 4096)},
              {"rigidity", 0.001f,
               "weight of the squared change of the distances between neighbours, relative to them",
               at_least(0)}};

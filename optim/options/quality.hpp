@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One dial for how long to train: --quality of `gflow train`,
-// `quality` of an experiment.
+// One dial for how long to train: --quality of `gflow train`, `quality` of an experiment.
 #pragma once
 #include <array>
 #include <string>
@@ -11,7 +10,7 @@ namespace gflow {
 
 constexpr std::array<const char*, 3> kQualities{"draft", "standard", "best"};
 
-// Sets what a quality sets; standard, the defaults, sets nothing. Throws Error for another word.
+// Sets train.iterations. Throws Error for another word.
 void apply_quality(TrainOptions& config, const std::string& word);
 
 }  // namespace gflow

@@ -122,24 +122,34 @@ bool Population::seeks_hidden(int done) const {
   if (!density_ || !permanent || d.prune_hidden == 0 || done % d.every != 0 || !refining(done))
     return false;
   const Curriculum curriculum = Curriculum::of(config_, permanent);
-  const auto all_trained = [&](int at) { return refining(at) && curriculum.share(at) >= 1; };
+  const auto all_trained = [&](int at) {
+    return refining(at) && !curriculum.warming(at) && curriculum.share(at) >= 1;
+  };
   return all_trained(done) && (!all_trained(done - d.every) || !refining(done + d.every));
 }
 
-void Population::fade_hidden(Queue& queue, int step, const Renderer& renderer,
+bool Population::fade_hidden(Queue& queue, int step, const Renderer& renderer,
                              const std::function<void(const Frame&)>& weigh) {
-  if (!seeks_hidden(step + 1)) return;
+  if (!seeks_hidden(step + 1)) return false;
   Parameters& p = model_.parameters;
   const std::vector<Frame>& frames = scene_.train;
   const uint seed = uint(config_.train.seed);
-  hidden_.begin(queue, p);
-  for (size_t k = 0; k < std::min(frames.size(), kWeighedViews); ++k) {
-    const uint any = random_bits(seed, streams::kWeighed, uint(k));
-    weigh(frames[frames.size() > kWeighedViews ? any % frames.size() : k]);
-    hidden_.see(queue, p, renderer.rows().list(), renderer.shot().view.camera,
-                renderer.engine().splats(), renderer.gradients());
+  const bool all = frames.size() <= kWeighedViews;
+  try {
+    hidden_.begin(queue, p, all);
+    for (size_t k = 0; k < std::min(frames.size(), kWeighedViews); ++k) {
+      const uint any = random_bits(seed, streams::kWeighed, uint(k));
+      weigh(frames[all ? k : any % frames.size()]);
+      hidden_.see(queue, p, renderer.rows().list(), renderer.shot().view.camera,
+                  renderer.engine().splats(), renderer.gradients());
+    }
+  } catch (const Error& problem) {
+    if (!is_out_of_memory(problem)) throw;
+    memory_is_short(problem.what());
+    return false;
   }
   hidden_.fade(queue, p, config_.density.prune_hidden, logit(density_rule_.prune_opacity) - 1);
+  return true;
 }
 
 bool Population::refine(Queue& queue, uint32_t seed) {

@@ -30,9 +30,10 @@ class Population {
   void see(Queue& queue, const Renderer& renderer, const Shot& shot, int width, int height,
            bool some_ignored);
   // Before step `step`, from 0, in two rounds of a training with permanent Gaussians: makes those
-  // that no view shows so faint that the round removes them (density.prune_hidden). weigh:
-  // ViewPass::weigh() with `renderer`.
-  void fade_hidden(Queue& queue, int step, const Renderer& renderer,
+  // that no view shows so faint that the round removes them (density.prune_hidden). Of more than
+  // 200 views as many are drawn, and Gaussians outside all of these stay. Does nothing if memory
+  // runs out. weigh: ViewPass::weigh() with `renderer`. Returns whether Gaussians may have changed.
+  bool fade_hidden(Queue& queue, int step, const Renderer& renderer,
                    const std::function<void(const Frame&)>& weigh);
   // Adds the regularisers of density control to the gradients; before Adam.
   void add_gradients(Queue& queue);

@@ -64,8 +64,8 @@ void Trainer::step(Queue& queue, int step) {
   prefetch(step);
   Population& population = optimizer_.population();
   if (step == 0 && population.put_in_order(queue)) view_pass_.rows_changed();
-  population.fade_hidden(queue, step, renderer(),
-                         [&](const Frame& frame) { view_pass_.weigh(queue, frame); });
+  const auto weigh = [&](const Frame& frame) { view_pass_.weigh(queue, frame); };
+  if (population.fade_hidden(queue, step, renderer(), weigh)) untouched_ = false;
   const Stage now = stage(step);
   const std::vector<Sample> samples = sampler_.at(step);
   const StepContext context{step, samples.front().frame, background(step), sh_degree(step)};

@@ -52,13 +52,13 @@ Shot shot_from(double x) {
 
 // Which of them were not shown to the share `least` by any camera.
 std::vector<bool> hidden(const std::vector<Ball>& balls, const std::vector<double>& cameras,
-                         float least = 0.2f) {
+                         float least = 0.2f, bool all_views = true) {
   Queue queue = test_queue();
   Model model(queue, model_of(balls));
   Renderer renderer(queue, {});
   Hidden hidden(queue);
   ImageGradients v;
-  hidden.begin(queue, model.parameters);
+  hidden.begin(queue, model.parameters, all_views);
   for (const double x : cameras) {
     renderer.forward(queue, model, shot_from(x));
     v.zero(queue, renderer.images(), false, false);
@@ -85,6 +85,11 @@ TEST(Hidden, FindsWhatIsBehindAnotherForEveryCamera) {
 TEST(Hidden, WhatNoCameraDrawsIsHidden) {
   EXPECT_EQ(hidden(kBehind, {}), std::vector<bool>(3, true));
   EXPECT_EQ(hidden(kBehind, {100}), std::vector<bool>(3, true));
+}
+
+TEST(Hidden, WhereViewsAreLeftOutWhatIsOutsideTheOthersStays) {
+  EXPECT_EQ(hidden(kBehind, {0}, 0.2f, false), (std::vector<bool>{false, true, false}));
+  EXPECT_EQ(hidden(kBehind, {100}, 0.2f, false), std::vector<bool>(3, false));
 }
 
 // Its opacity is .5, so what is behind its centre is shown by half.
