@@ -26,6 +26,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr size_t kLeastFrames = 3;
+
 struct CamerasFlags {
   SceneOptions scene;
   std::string output;
@@ -119,12 +121,21 @@ void run_cameras(const CamerasFlags& flags, const GlobalOptions& global) {
   require_empty(flags.output);
   const LoadedScene loaded = load_video(flags.scene);
   const std::vector<Frame>& frames = loaded.scene.train;
+  if (frames.size() < kLeastFrames)
+    throw Error(fmt::format("finding the cameras of {}: it has {} frame{}, at least {} are needed",
+                            flags.scene.path, frames.size(), frames.size() == 1 ? "" : "s",
+                            kLeastFrames));
   const std::vector<FeatureTrack> tracks = follow(frames, *loaded.frames, global.quiet);
   const Camera& size = loaded.frames->camera(frames[0]);
   ReconstructionOptions options = options_of(flags, size, frames.size());
   Progress placing("cameras", options.frames, global.quiet);
   options.progress = progress_callback(placing);
-  CameraPath path = reconstruct(tracks, options);
+  CameraPath path;
+  try {
+    path = reconstruct(tracks, options);
+  } catch (const Error& problem) {
+    throw Error(fmt::format("finding the cameras of {}: {}", flags.scene.path, problem.what()));
+  }
   placing.finish();
   make_upright(tracks, path);
   warn_of_gaps(tracks, path);

@@ -101,6 +101,13 @@ TEST_F(CamerasCommand, TrainingTellsOfACameraThatMoves) {
   EXPECT_EQ(errors_of(path("still")).find("the camera seems to move"), std::string::npos);
 }
 
+TEST_F(CamerasCommand, TwoFramesAreTooFew) {
+  const Outcome result = gflow({"cameras", film("film", 2), "-o", path("scene"), "--quiet"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("has 2 frames, at least 3"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("film"), std::string::npos) << result.err;
+}
+
 TEST_F(CamerasCommand, AFolderWithFilesStaysAsItIs) {
   const std::string film_folder = film("film", 3);
   const Outcome result = gflow({"cameras", film_folder, "-o", film_folder, "--quiet"});
