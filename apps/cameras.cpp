@@ -18,8 +18,10 @@
 #include "optim/cameras/two_views.hpp"
 #include "optim/cameras/upright.hpp"
 #include "optim/scene/loaded_scene.hpp"
+#include "optim/scene/readers/given_cameras.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -43,7 +45,9 @@ LoadedScene load_video(const SceneOptions& options) {
                     "a video or a folder of numbered images",
                     options.path, layout));
   Scene scene = read_scene(options.path, options);
-  scene.notices.clear();  // they take the camera for static
+  for (const std::string& notice : scene.notices)
+    if (notice != kNoPoses) warn(notice);
+  scene.notices.clear();
   return with_frames(std::move(scene), options, "");
 }
 

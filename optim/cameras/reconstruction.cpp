@@ -344,8 +344,7 @@ CameraPath reconstruct(const std::vector<FeatureTrack>& tracks,
   if (stands_still(tracks, std::max(1.0, options.width / 640.0)))
     throw Error(
         "the camera does not move: most points stay where they are in the image; `gflow train` "
-        "takes it "
-        "for static without this");
+        "takes a camera for static");
   if (options.focal > 0) return Reconstruction(tracks, options).run(options.focal);
   double focal = kUsualFocal * std::max(options.width, options.height);
   for (int round = 1;; ++round) {

@@ -107,11 +107,7 @@ ViewCameras only_used(const ViewCameras& all) {
 }  // namespace
 
 void report_no_poses(const SceneOptions& options, std::vector<std::string>& notices) {
-  if (options.cameras.empty())
-    notices.push_back(
-        "there are no camera poses: the camera is assumed to be static, at scene.elevation and "
-        "radius with scene.fovy; if it moves, `gflow cameras` finds its poses, or --cameras gives "
-        "them");
+  if (options.cameras.empty()) notices.push_back(kNoPoses);
 }
 
 ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,

@@ -34,7 +34,11 @@ struct ViewCameras {
 ViewCameras cameras_of_view(const SceneOptions& options, const ViewImages& view,
                             std::vector<std::string>& notices);
 
-// A notice if the camera of a video is assumed to be static, because there is no file of cameras.
+inline constexpr const char* kNoPoses =
+    "there are no camera poses: the camera is assumed to be static, at scene.elevation and radius "
+    "with scene.fovy; if it moves, `gflow cameras` finds its poses, or --cameras gives them";
+// The notice kNoPoses if the camera of a video is assumed to be static, because there is no file of
+// cameras.
 void report_no_poses(const SceneOptions& options, std::vector<std::string>& notices);
 
 }  // namespace gflow
