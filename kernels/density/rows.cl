@@ -35,18 +35,20 @@ kernel void rows_gather_counts(const uint keys, const uint n, const uint old_n,
   fresh[row] = child[j] || from >= old_n ? 0u : old[(size_t)k * old_n + from];
 }
 
-// moves: whether each row of density control's result is dynamic: its source was, or it is a child.
-kernel void rows_dynamic(const uint n, const uint moving, global const uint* restrict source,
-                        global const uint* restrict child, global uint* restrict moves) {
+// moves: whether each row of density control's result is dynamic: its source was, or if `wakes`, it
+// is a child.
+kernel void rows_dynamic(const uint n, const uint moving, const int wakes,
+                         global const uint* restrict source, global const uint* restrict child,
+                         global uint* restrict moves) {
   const uint j = get_global_id(0);
-  if (j < n) moves[j] = source[j] < moving || child[j] > 0;
+  if (j < n) moves[j] = source[j] < moving || (wakes && child[j] > 0);
 }
 
 // Puts the dynamic rows first, otherwise in the order they had; before[n] is their number.
 kernel void rows_partition(const uint n, global const uint* restrict moves,
                            global const uint* restrict before,  // [N + 1] dynamic rows before each
-                           global const uint* restrict source,
-                           global const uint* restrict child, global uint* restrict sorted_source,
+                           global const uint* restrict source, global const uint* restrict child,
+                           global uint* restrict sorted_source,
                            global uint* restrict sorted_child) {
   const uint j = get_global_id(0);
   if (j >= n) return;

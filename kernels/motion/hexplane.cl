@@ -26,9 +26,10 @@ static inline void shift_of_vjp(Shift d, Canonical v, HexplaneGrid grid, float* 
   v_o[9] = RESIZE ? v.log_scales.z * log_scale_change_slope(d.log_scales.z) : 0.f;
 }
 
-// One work-item per `per_item` Gaussians. Windows, first and second time as in native4d.cl.
-kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const float sigmas,
-                         const int first, const HexplaneGrid grid,
+// One work-item per `per_item` Gaussians. Windows, first and second time as in native4d.cl. Rows
+// from `moving` on are static: the field does not shift them.
+kernel void hexplane_fwd(const uint n, const uint moving, const uint per_item, const float t,
+                         const float sigmas, const int first, const HexplaneGrid grid,
                          global const uint* restrict tiles_touched,  // [N] read if not first
                          CANONICAL_IN, global const float* restrict planes,
                          global const float* restrict lines, global const float* restrict network,
@@ -41,8 +42,13 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
   int count = 0;
   for (uint i = begin; i < end; ++i) {
     if (canonical_in_window(i, i, t, sigmas, first, tiles_touched, means_t, log_scales,
-                            opacities_at))
-      rows[count++] = i;
+                            opacities_at)) {
+      if (i < moving)
+        rows[count++] = i;
+      else
+        store_shifted(i, shifted_at(load_canonical(i, CANONICAL_ROWS), no_shift(), t), means_at,
+                      factors_at, opacities_at);
+    }
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
     field_fwd(rows, count, grid, means, planes, lines, network, &a);
     for (int b = 0; b < count; ++b)
@@ -54,12 +60,27 @@ kernel void hexplane_fwd(const uint n, const uint per_item, const float t, const
   }
 }
 
+// Sets or adds the gradients of a row's canonical parameters at a constant shift; returns them.
+static inline Canonical shift_bwd(uint i, Shift d, float t, int first, CANONICAL_IN,
+                                  global const float* restrict v_means_at,
+                                  global const float* restrict v_factors_at,
+                                  global const float* restrict v_opacities_at,
+                                  global uint* restrict seen, V_CANONICAL_OUT) {
+  const Canonical v = shifted_vjp(load_canonical(i, CANONICAL_ROWS), d, t, load3(v_means_at, i),
+                                  load_mat3(v_factors_at, i), first ? v_opacities_at[i] : 0.f);
+  const int fresh = first && !seen[i];
+  if (fresh) seen[i] = 1;
+  put_canonical(i, v, fresh, V_CANONICAL_ROWS);
+  return v;
+}
+
 // Gradients of the canonical parameters (except those through the features), of the features, and
 // of the network: CPUs sum the latter in v_networks, GPUs store its factors in `kept`. One
 // work-item per chunk of `length` Gaussians.
-kernel void hexplane_bwd(const uint n, const uint length, const float t, const int first,
-                         const HexplaneGrid grid, CANONICAL_IN, global const float* restrict planes,
-                         global const float* restrict lines, global const float* restrict network,
+kernel void hexplane_bwd(const uint n, const uint moving, const uint length, const float t,
+                         const int first, const HexplaneGrid grid, CANONICAL_IN,
+                         global const float* restrict planes, global const float* restrict lines,
+                         global const float* restrict network,
                          global const float* restrict transposed,
                          global const uint* restrict tiles_touched,
                          global const float* restrict v_means_at,      // [N, 3]
@@ -79,19 +100,21 @@ kernel void hexplane_bwd(const uint n, const uint length, const float t, const i
   for (uint w = 0; w < WEIGHTS; w += LANES) ROW_STORE(TO_LANE(0.f), v_network + w);
 #endif
   for (uint i = begin; i < end; ++i) {
-    if (tiles_touched[i] != 0) rows[count++] = i;
+    if (tiles_touched[i] != 0) {
+      if (i < moving)
+        rows[count++] = i;
+      else
+        shift_bwd(i, no_shift(), t, first, CANONICAL_ROWS, v_means_at, v_factors_at, v_opacities_at,
+                  seen, V_CANONICAL_ROWS);
+    }
     if (count == 0 || (count < BLOCK && i + 1 < end)) continue;
     field_fwd(rows, count, grid, means, planes, lines, network, &a);
     for (int k = 0; k < BLOCK * OUTPUTS; ++k) v_out[k] = 0.f;
     for (int b = 0; b < count; ++b) {
       const uint row = rows[b];
       const Shift d = shift_of(a.outputs + b * OUTPUTS, grid);
-      const Canonical v =
-          shifted_vjp(load_canonical(row, CANONICAL_ROWS), d, t, load3(v_means_at, row),
-                      load_mat3(v_factors_at, row), first ? v_opacities_at[row] : 0.f);
-      const int fresh = first && !seen[row];
-      if (fresh) seen[row] = 1;
-      put_canonical(row, v, fresh, V_CANONICAL_ROWS);
+      const Canonical v = shift_bwd(row, d, t, first, CANONICAL_ROWS, v_means_at, v_factors_at,
+                                    v_opacities_at, seen, V_CANONICAL_ROWS);
       shift_of_vjp(d, v, grid, v_out + b * OUTPUTS);
       // A broken Gaussian keeps its non-finite gradient, but must not affect the shared network.
       float sum = 0.f;

@@ -188,9 +188,9 @@ static inline BasisPose load_pose(uint k, global const float* poses, global cons
 }
 
 // The nearest nodes of the Gaussians of a view, and their weights. Those of the last step tell how
-// far to look, so `near` may hold anything before. A kernel of its own, as nodes_blend is: OpenCL on
-// a CPU makes SIMD of the Gaussians in nodes_fwd only where it has no such loops, while here lanes
-// are nodes or numbers of a row.
+// far to look, so `near` may hold anything before. A kernel of its own, as nodes_blend is: OpenCL
+// on a CPU makes SIMD of the Gaussians in nodes_fwd only where it has no such loops, while here
+// lanes are nodes or numbers of a row.
 kernel void nodes_near(const uint n, const uint nodes, const int first,
                        global const uint* restrict rows,
                        global const uint* restrict tiles_touched,  // [n] read if not first
@@ -220,9 +220,8 @@ kernel void nodes_near(const uint n, const uint nodes, const int first,
 kernel void nodes_blend(const uint n, const int first, const HexplaneGrid grid,
                         global const uint* restrict rows,
                         global const uint* restrict tiles_touched,  // [n] read if not first
-                        global const float* restrict means,
-                        global const float* restrict node_rows, global const uint* restrict near,
-                        global const float* restrict weights,
+                        global const float* restrict means, global const float* restrict node_rows,
+                        global const uint* restrict near, global const float* restrict weights,
                         global float* restrict blends) {  // [n, BLEND]
   const uint k = get_global_id(0);
   if (k >= n || (!first && tiles_touched[k] == 0)) return;
@@ -231,8 +230,8 @@ kernel void nodes_blend(const uint n, const int first, const HexplaneGrid grid,
     lane sum = TO_LANE(0.f);
     for (int j = 0; j < NODE_NEIGHBOURS; ++j) {
       const uint at = NODE_NEIGHBOURS * k + j;
-      sum = fma(TO_LANE(weights[at]), ROW_LOAD(node_rows + NODE_ROW * near[at] + part * LANES),
-                sum);
+      sum =
+          fma(TO_LANE(weights[at]), ROW_LOAD(node_rows + NODE_ROW * near[at] + part * LANES), sum);
     }
     ROW_STORE(sum, row + part * LANES);
   }
@@ -245,8 +244,9 @@ static inline Canonical follow(Canonical g, uint k, global const float* blends) 
   return blended(g, load3(blends + BLEND * k, 0), vload4(2 * k + 1, blends));
 }
 
-kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int first,
-                      global const uint* restrict rows,
+// Rows from `moving` on are static: they have no blends and keep their canonical pose.
+kernel void nodes_fwd(const uint n, const uint moving, const float t, const float sigmas,
+                      const int first, global const uint* restrict rows,
                       global const uint* restrict tiles_touched,  // [n] read if not first
                       CANONICAL_IN,
                       global const float* restrict blends,    // [n, BLEND]
@@ -259,12 +259,13 @@ kernel void nodes_fwd(const uint n, const float t, const float sigmas, const int
   if (!canonical_in_window(i, k, t, sigmas, first, tiles_touched, means_t, log_scales,
                            opacities_at))
     return;
-  const Canonical g = follow(load_canonical(i, CANONICAL_ROWS), k, blends);
+  Canonical g = load_canonical(i, CANONICAL_ROWS);
+  if (i < moving) g = follow(g, k, blends);
   store_shifted(k, shifted_at(g, no_shift(), t), means_at, factors_at, opacities_at);
 }
 
 // To the canonical Gaussians as if nodes stood still, and to the blends.
-kernel void nodes_bwd(const uint n, const float t, const int first,
+kernel void nodes_bwd(const uint n, const uint moving, const float t, const int first,
                       global const uint* restrict rows, CANONICAL_IN,
                       global const float* restrict blends,
                       global const uint* restrict tiles_touched,    // [n]
@@ -277,13 +278,16 @@ kernel void nodes_bwd(const uint n, const float t, const int first,
   if (k >= n || tiles_touched[k] == 0) return;
   const uint i = view_row(k, rows);
   const Canonical canonical = load_canonical(i, CANONICAL_ROWS);
-  Canonical v = shifted_vjp(follow(canonical, k, blends), no_shift(), t, load3(v_means_at, k),
-                            load_mat3(v_factors_at, k), first ? v_opacities_at[k] : 0.f);
-  // The followed quaternion is (1 + turn) canonical.quat.
-  vstore4((float4)(v.mean.x, v.mean.y, v.mean.z, 0.f), 2 * k, v_blends);
-  vstore4(quat_mul(v.quat, quat_conj(canonical.quat)), 2 * k + 1, v_blends);
-  const real4 one = make_real4(1.f, 0.f, 0.f, 0.f);
-  v.quat = quat_mul(quat_conj(vload4(2 * k + 1, blends) + one), v.quat);
+  const int moves = i < moving;
+  Canonical v = shifted_vjp(moves ? follow(canonical, k, blends) : canonical, no_shift(), t,
+                            load3(v_means_at, k), load_mat3(v_factors_at, k),
+                            first ? v_opacities_at[k] : 0.f);
+  if (moves) {  // the followed quaternion is (1 + turn) canonical.quat
+    vstore4((float4)(v.mean.x, v.mean.y, v.mean.z, 0.f), 2 * k, v_blends);
+    vstore4(quat_mul(v.quat, quat_conj(canonical.quat)), 2 * k + 1, v_blends);
+    const real4 one = make_real4(1.f, 0.f, 0.f, 0.f);
+    v.quat = quat_mul(quat_conj(vload4(2 * k + 1, blends) + one), v.quat);
+  }
   const int fresh = first && !seen[i];
   if (fresh) seen[i] = 1;
   put_canonical(i, v, fresh, V_CANONICAL_ROWS);

@@ -83,7 +83,7 @@ void AdcDensity::refine(Queue& queue, Parameters& p, Motion& motion, const Densi
   source_.ensure(queue, count);
   child_.ensure(queue, count);
   adc_sources_(queue, Range::over(n), n, copies_, offsets_, source_, child_);
-  rows_.move(queue, p, count, source_, child_);
+  rows_.move(queue, p, count, source_, child_, rule.wakes);
   motion.split(queue, p, child_, rule.split, seed);
   forget(queue, count);
 }

@@ -19,6 +19,7 @@ namespace gflow {
 struct DensityRule : DensityOptions {
   float cutoff = 0.05f;  // Gaussians below this temporal weight at all times are removed
   SplitRule split;       // how one Gaussian becomes two; the length of the video
+  bool wakes = true;     // children of static Gaussians are dynamic
 };
 
 inline float logit(float p) { return std::log(p / (1 - p)); }

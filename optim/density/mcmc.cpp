@@ -60,7 +60,7 @@ void McmcDensity::refine(Queue& queue, Parameters& p, Motion&, const DensityRule
   mcmc_draw_(queue, Range::over(count), n, count, total, seed, offsets_, drawn_);
   mcmc_sources_(queue, Range::over(fresh_n), n, fresh_n, count, dead_, dead_offsets_, drawn_,
                 source_, child_);
-  rows_.move(queue, p, fresh_n, source_, child_);
+  rows_.move(queue, p, fresh_n, source_, child_, rule.wakes);
   mcmc_share_(queue, Range::over(fresh_n), fresh_n, seed, min_logit, rule.spread, child_,
               p["quats"].values, p["means"].values, p["logit_opacities"].values,
               p["log_scales"].values);

@@ -75,7 +75,7 @@ const Buffer<cl_uint>& RowOrder::sort(Queue& queue, Parameters& p, double durati
                                 p["log_scales"].values.read(queue), duration));
   child_.ensure(queue, p.count);
   child_.fill(queue, 0u);
-  if (p.count > 0) rows_.move(queue, p, p.count, source_, child_);
+  if (p.count > 0) rows_.move(queue, p, p.count, source_, child_, false);
   return source_;
 }
 

@@ -49,10 +49,11 @@ void RowMover::gather(Queue& queue, const Parameters& p, size_t keys, const Buff
 }
 
 void RowMover::move(Queue& queue, Parameters& p, size_t count, Buffer<cl_uint>& source,
-                    Buffer<cl_uint>& child) {
+                    Buffer<cl_uint>& child, bool wakes) {
   if (p.moving == p.count) return rebuild(queue, p, count, count, source, child);
   moves_.ensure(queue, count);
-  rows_movers_(queue, Range::over(count), cl_uint(count), cl_uint(p.moving), source, child, moves_);
+  rows_movers_(queue, Range::over(count), cl_uint(count), cl_uint(p.moving), int(wakes), source,
+               child, moves_);
   move(queue, p, count, moves_, source, child);
 }
 

@@ -12,11 +12,11 @@ class RowMover {
 
   // Makes `count` Gaussians. The j-th gets the values of row source[j], and its moments and step
   // counts if child[j] is 0, else zeros; likewise its rows in tables with keys. Tables shared by
-  // all Gaussians stay. Copies of dynamic rows and all children are dynamic. If some are static,
-  // dynamic ones are sorted to the front, `source` and `child` with them, and it waits. If it
-  // throws, `parameters` are unchanged.
+  // all Gaussians stay. Copies of dynamic rows are dynamic, and if `wakes`, all children. If some
+  // are static, dynamic ones are sorted to the front, `source` and `child` with them, and it waits.
+  // If it throws, `parameters` are unchanged.
   void move(Queue& queue, Parameters& parameters, size_t count, Buffer<cl_uint>& source,
-            Buffer<cl_uint>& child);
+            Buffer<cl_uint>& child, bool wakes);
 
   // The same, with moves[j] > 0 if the j-th is dynamic, in the order before sorting. A Gaussian
   // that becomes dynamic gets the static values and zero moments in its motion rows.
@@ -37,7 +37,7 @@ class RowMover {
       rows_gather_;
   Kernel<cl_uint, cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>>
       rows_gather_counts_;
-  Kernel<cl_uint, cl_uint, In<cl_uint>, In<cl_uint>, Out<cl_uint>> rows_movers_;
+  Kernel<cl_uint, cl_uint, cl_int, In<cl_uint>, In<cl_uint>, Out<cl_uint>> rows_movers_;
   Kernel<cl_uint, In<cl_uint>, In<cl_uint>, In<cl_uint>, In<cl_uint>, Out<cl_uint>, Out<cl_uint>>
       rows_partition_;
   Scan scan_;

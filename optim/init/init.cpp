@@ -359,7 +359,7 @@ HostModel initial_model(const Scene& scene, FrameStore& frames, const std::vecto
                 &seeds.rgb[3 * k], config);
   set_static(model.shape, model.groups, model.count, uint32_t(config.train.seed));
   if (const auto place = motion_model_of(model.shape.motion).place)
-    place(model.shape, model.groups, seeds.size() ? n : 0);
+    place(model.shape, model.groups, seeds.size() ? n : 0, model.count);
   for (size_t k = 0; k < seeds.size(); ++k) {
     const float* v = &seeds.velocity[3 * k];
     set_velocity(model.shape, model.groups, n + k,

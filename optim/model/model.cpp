@@ -105,6 +105,34 @@ MotionModelKind kind_of(const PlyTable& table, const std::string& path) {
   return table.column("rot_r_0") >= 0 ? MotionModelKind::native4d : MotionModelKind::spacetime;
 }
 
+// Whether a file must say which Gaussians move: motion of their own is 0 where they do not.
+constexpr const char* moves_property = "moves";
+bool stores_moves(const HostModel& model) {
+  const std::vector<TableSpec> tables = motion_tables(model.shape);
+  const bool has_keys = std::any_of(tables.begin(), tables.end(),
+                                    [](const TableSpec& table) { return table.keys > 0; });
+  return model.num_moving() < model.count && motion_columns(model.shape).empty() && !has_keys;
+}
+
+// Sorts the rows of a table so that those of Gaussians that move are first; returns their number.
+size_t put_moving_first(PlyTable& table) {
+  const int column = table.column(moves_property);
+  if (column < 0) return table.rows;
+  const size_t width = table.names.size();
+  std::vector<float> sorted;
+  sorted.reserve(table.values.size());
+  size_t moving = 0;
+  for (const bool taken : {true, false})
+    for (size_t i = 0; i < table.rows; ++i) {
+      const float* row = &table.values[i * width];
+      if ((row[column] > 0) != taken) continue;
+      sorted.insert(sorted.end(), row, row + width);
+      moving += taken;
+    }
+  table.values = std::move(sorted);
+  return moving;
+}
+
 void write_tables(const std::string& path, const HostModel& model) {
   Arrays arrays;
   for (const TableSpec& table : motion_tables(model.shape))
@@ -150,9 +178,20 @@ std::vector<float> for_all(const std::vector<float>& values, size_t blocks, size
   return all;
 }
 
+// The reverse: what the first `moving` of `count` Gaussians have in each block of rows.
+std::vector<float> for_moving(const std::vector<float>& values, size_t blocks, size_t moving,
+                              size_t count, size_t width) {
+  std::vector<float> rows;
+  for (size_t k = 0; k < blocks; ++k) {
+    const auto from = values.begin() + long(k * count * width);
+    rows.insert(rows.end(), from, from + long(moving * width));
+  }
+  return rows;
+}
+
 // The model of values in which `moving` of `count` Gaussians have motion rows.
 HostModel model_of_values(const ModelShape& shape, size_t count, size_t moving, HostGroups values) {
-  HostModel host{shape, count, std::move(values)};
+  HostModel host{shape, count, std::move(values), moving};
   if (moving == count) return host;
   const auto widen = [&](const GroupSpec& spec, size_t blocks) {
     std::vector<float>& rows = host.groups[spec.name];
@@ -172,25 +211,36 @@ std::string tables_path(const std::string& path) {
   return std::filesystem::path(path).replace_extension(".motion.npz").string();
 }
 
-Model::Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose)
+Model::Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose, size_t moving)
     : shape(shape),
       motion(make_motion(queue, shape)),
       color(queue, shape.sh_degree),
-      parameters(queue, count, all_groups(shape), motion_tables(shape), Parameters::all,
+      parameters(queue, count, all_groups(shape), motion_tables(shape), moving,
                  purpose == Purpose::training) {}
 
 Model::Model(Queue& queue, const HostModel& host, Purpose purpose)
-    : Model(queue, host.shape, host.count, purpose) {
-  for (Table* table : parameters.tables())
-    for (size_t g = 0; g < table->specs.size(); ++g) {
-      const GroupSpec& spec = table->specs[g];
-      const size_t size = spec.width * table->count;  // all are dynamic
-      const auto found = host.groups.find(spec.name);
-      if (found == host.groups.end() || found->second.size() != size)
-        throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count, size,
-                                spec.name));
-      table->groups[g].values.write(queue, found->second);
-    }
+    : Model(queue, host.shape, host.count, purpose, host.num_moving()) {
+  const auto set = [&](ParameterGroup& group, const GroupSpec& spec, size_t blocks, size_t rows,
+                       bool for_some) {
+    const size_t size = spec.width * rows;
+    const auto found = host.groups.find(spec.name);
+    if (found == host.groups.end() || found->second.size() != size)
+      throw Error(fmt::format("a model of {} Gaussians needs {} values of {}", host.count, size,
+                              spec.name));
+    group.values.write(queue, for_some ? for_moving(found->second, blocks, parameters.moving,
+                                                    host.count, spec.width)
+                                       : found->second);
+  };
+  const bool some_static = parameters.moving < parameters.count;
+  for (size_t g = 0; g < parameters.specs.size(); ++g)
+    set(parameters.groups[g], parameters.specs[g], 1, host.count,
+        some_static && parameters.specs[g].moving);
+  for (size_t t = 0; t < parameters.more.size(); ++t) {
+    const TableSpec& table = parameters.more_specs[t];
+    for (size_t g = 0; g < table.groups.size(); ++g)
+      set(parameters.more[t].groups[g], table.groups[g], table.keys, table.count(host.count),
+          some_static && table.keys > 0);
+  }
 }
 
 HostModel Model::read(Queue& queue) const {
@@ -234,6 +284,8 @@ void write_model(const std::string& path, const HostModel& model) {
   append(numbered("f_rest_", 3 * rest));
   append({"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"});
   append({"t", "scale_t"});
+  const bool some_static = stores_moves(model);
+  if (some_static) append({moves_property});
   for (const MotionColumns& motion : motion_columns(model.shape)) append(motion.properties);
   struct Source {
     const std::vector<float>& values;
@@ -246,6 +298,7 @@ void write_model(const std::string& path, const HostModel& model) {
                        block.names.size(), size_t(table.column(block.names[0]))});
   const float* sh_rest = rest ? model.groups.at("sh_rest").data() : nullptr;
   const size_t to_rest = rest ? size_t(table.column("f_rest_0")) : 0;
+  const size_t to_moves = some_static ? size_t(table.column(moves_property)) : 0;
   write_tables(tables_path(path), model);
   write_ply(path, table, [&](size_t i, float* row) {
     std::fill_n(row, table.names.size(), 0.f);  // normals
@@ -253,6 +306,7 @@ void write_model(const std::string& path, const HostModel& model) {
       std::copy_n(&from.values[i * from.width + from.first], from.count, row + from.to);
     for (size_t k = 0; k < rest; ++k)
       for (size_t c = 0; c < 3; ++c) row[to_rest + c * rest + k] = sh_rest[(i * rest + k) * 3 + c];
+    if (some_static) row[to_moves] = i < model.moving ? 1 : 0;
   });
 }
 
@@ -281,6 +335,7 @@ HostModel read_model(const std::string& path, Undrawable undrawable) {
   const auto has = [&](const char* name) { return table.column(name) >= 0; };
   const MotionModelKind kind = kind_of(table, path);
   const bool moving = has("scale_t") || has("rot_r_0") || has("motion_0");
+  model.moving = put_moving_first(table);
   model.shape.motion = kind;
   model.shape.sh_degree = sh_degree_of(table, path);
   MotionShape::fields(model.shape,

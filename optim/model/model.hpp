@@ -26,6 +26,10 @@ struct HostModel {
   ModelShape shape;
   size_t count = 0;
   HostGroups groups;
+  // The first ones are dynamic, the others static (Parameters); at most `count` counts.
+  size_t moving = Parameters::all;
+
+  size_t num_moving() const { return std::min(moving, count); }
 };
 
 // Purpose of a model; without training state it takes a quarter of the memory.
@@ -33,8 +37,9 @@ enum class Purpose { training, rendering };
 
 class Model {
  public:
-  // `count` Gaussians with undefined values.
-  Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose = Purpose::training);
+  // `count` Gaussians with undefined values, the first `moving` of them dynamic.
+  Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpose = Purpose::training,
+        size_t moving = Parameters::all);
   // Error if a group is missing or has the wrong length.
   Model(Queue& queue, const HostModel& host, Purpose purpose = Purpose::training);
 
@@ -60,7 +65,8 @@ HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const st
 
 // Writes a PLY with the standard 3DGS properties (x y z, nx ny nz, f_dc_*, f_rest_*, opacity,
 // scale_*, rot_*). Motion is stored as t, scale_t, and rot_r_0..3 (native4d) or motion_0..5,
-// omega_0..3 (spacetime; names and meaning as in Spacetime Gaussians). A viewer of static splats
+// omega_0..3 (spacetime; names and meaning as in Spacetime Gaussians); where Gaussians share their
+// motion and some do not move, as `moves`, 1 or 0. A viewer of static splats
 // shows each Gaussian at its temporal mean. `shape` is stored in comments. Tables with other rows
 // than one per Gaussian go into a second file, tables_path(path). Each file appears complete or not
 // at all.

@@ -27,12 +27,12 @@ std::vector<TableSpec> bases_tables(int keys, int bases) {
   return {path, fixed};
 }
 
-void place_bases(const MotionShape& shape, HostGroups& groups, size_t first) {
+void place_bases(const MotionShape& shape, HostGroups& groups, size_t first, size_t end) {
   const std::vector<float>& means = groups.at("means");
   const size_t n = means.size() / 3, bases = size_t(shape.bases);
-  if (n == 0) return;
+  if (end == 0) return;
   // The spacing is that of the next point, so that a single pivot has one.
-  std::vector<size_t> chosen = farthest_points(means, first, bases + (bases == 1));
+  std::vector<size_t> chosen = farthest_points(means, first, end, bases + (bases == 1));
   double spacing = std::numeric_limits<double>::max();
   for (size_t b = 0; b + 1 < chosen.size(); ++b)
     spacing = std::min(spacing, squared_distance(means, chosen[b], chosen.back()));

@@ -18,7 +18,7 @@ std::vector<TableSpec> bases_tables(int keys, int bases);
 // Sets "pivots" and "basis_logits" of static Gaussians. Pivots are far apart from each other,
 // chosen among Gaussians first .. count - 1. Each Gaussian follows the bases whose pivots are near,
 // or none.
-void place_bases(const MotionShape& shape, HostGroups& groups, size_t first);
+void place_bases(const MotionShape& shape, HostGroups& groups, size_t first, size_t end);
 
 // Entry in the table of models.
 const MotionModel& bases_model();

@@ -15,15 +15,15 @@ double squared_distance(const std::vector<float>& xyz, size_t i, size_t j) {
   return sum;
 }
 
-std::vector<size_t> farthest_points(const std::vector<float>& xyz, size_t first, size_t count) {
-  const size_t n = xyz.size() / 3;
-  if (first >= n) first = 0;
+std::vector<size_t> farthest_points(const std::vector<float>& xyz, size_t first, size_t end,
+                                    size_t count) {
+  if (first >= end) first = 0;
   std::vector<size_t> chosen;
-  std::vector<double> nearest(n, std::numeric_limits<double>::max());
-  for (size_t next = first; n > 0 && chosen.size() < count;) {
+  std::vector<double> nearest(end, std::numeric_limits<double>::max());
+  for (size_t next = first; end > 0 && chosen.size() < count;) {
     chosen.push_back(next);
     next = first;
-    for (size_t i = first; i < n; ++i) {
+    for (size_t i = first; i < end; ++i) {
       nearest[i] = std::min(nearest[i], squared_distance(xyz, i, chosen.back()));
       if (nearest[i] > nearest[next]) next = i;
     }

@@ -32,8 +32,8 @@ void HexplaneMotion::at(Queue& queue, const Parameters& p, float t, const Buffer
   field_.cut(queue, p, t);
   const size_t per_item = lanes_ == 1 ? 1 : 256;
   hexplane_fwd_(queue, Range::over((p.count + per_item - 1) / per_item, lanes_ == 1 ? kGroup : 1),
-                cl_uint(p.count), cl_uint(per_item), t, sigmas_, int(!seen), field_.grid(),
-                seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
+                cl_uint(p.count), cl_uint(p.moving), cl_uint(per_item), t, sigmas_, int(!seen),
+                field_.grid(), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
                 p["quats"].values, p["log_scales"].values, p["logit_opacities"].values,
                 p["planes"].values, field_.lines(), p["network"].values, gaussians.means,
                 gaussians.factors, gaussians.opacities);
@@ -46,17 +46,17 @@ void HexplaneMotion::backward(Queue& queue, Parameters& p, float t, bool first,
   const size_t n = p.count;
   const bool gpu = lanes_ == 1;
   const Chunks chunks = network_chunks(queue, n);
-  field_.begin(queue, p, t, n, chunks);
+  field_.begin(queue, p, t, p.moving, chunks);
   NetworkBackward& network = field_.network();
   hexplane_bwd_(queue, gpu ? Range::over(n, kGroup) : Range::groups(chunks.count, 1), cl_uint(n),
-                gpu ? 1u : chunks.length, t, int(first), field_.grid(), p["means"].values,
-                p["means_t"].values, p["quats"].values, p["log_scales"].values,
+                cl_uint(p.moving), gpu ? 1u : chunks.length, t, int(first), field_.grid(),
+                p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
                 p["logit_opacities"].values, p["planes"].values, field_.lines(),
                 p["network"].values, network.transposed(), tiles_touched, v_means, v_factors,
                 v_opacities, p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
                 p["log_scales"].grads, p["logit_opacities"].grads, field_.v_features(),
                 network.sums(), network.kept());
-  field_.finish(queue, p, n, tiles_touched, p["means"].values, p["means"].grads);
+  field_.finish(queue, p, p.moving, tiles_touched, p["means"].values, p["means"].grads);
 }
 
 void HexplaneMotion::regularize(Queue& queue, Parameters& p, const MotionOptions& options) {

@@ -34,11 +34,11 @@ class HexplaneMotion : public Motion {
   float sigmas_;
   size_t lanes_;
   Program program_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, HexplaneGrid, In<cl_uint>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>,
-         Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_float, cl_int, HexplaneGrid, In<cl_uint>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<float>,
+         Out<float>, Out<float>, Out<float>>
       hexplane_fwd_;
-  Kernel<cl_uint, cl_uint, cl_float, cl_int, HexplaneGrid, In<float>, In<float>, In<float>,
+  Kernel<cl_uint, cl_uint, cl_uint, cl_float, cl_int, HexplaneGrid, In<float>, In<float>, In<float>,
          In<float>, In<float>, In<float>, In<float>, In<float>, In<float>, In<cl_uint>, In<float>,
          In<float>, In<float>, Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>,
          Out<float>, Out<float>, Out<float>, Out<float>>

@@ -81,9 +81,9 @@ struct MotionModel {
   // Turns zero arrays into those of `count` static Gaussians with the rotations in "quats";
   // nullptr: zeros are static already. `seed`: of random initial values.
   void (*set_static)(const MotionShape&, HostGroups&, size_t count, uint32_t seed) = nullptr;
-  // Initialises what all Gaussians share from the Gaussians number `first` and later; nullptr:
+  // Initialises what all Gaussians share from those in [first, end), the dynamic ones; nullptr:
   // nothing to do.
-  void (*place)(const MotionShape&, HostGroups&, size_t first) = nullptr;
+  void (*place)(const MotionShape&, HostGroups&, size_t first, size_t end) = nullptr;
   // See set_velocity() below; nullptr: Gaussians have no motion of their own.
   void (*set_velocity)(const MotionShape&, HostGroups&, size_t i, const std::array<double, 3>& v,
                        double s, double s_t) = nullptr;

@@ -94,11 +94,11 @@ bool share_load(const float* place, Load& load, float* other_place, Load& other)
 
 }  // namespace
 
-void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first) {
+void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first, size_t end) {
   const size_t nodes = groups.at("node_log_radii").size();
   const std::vector<float>& means = groups.at("means");
-  if (means.empty()) return;
-  std::vector<size_t> chosen = farthest_points(means, first, nodes);
+  if (end == 0) return;
+  std::vector<size_t> chosen = farthest_points(means, first, end, nodes);
   sort_into_groups(means, chosen.data(), chosen.data() + chosen.size());
   std::vector<float>& places = groups["node_places"];
   for (size_t k = 0; k < nodes; ++k)

@@ -5,9 +5,9 @@
 
 namespace gflow {
 
-// Puts nodes at Gaussians that are far apart from each other, with the mean distance to the nearest
-// other nodes as radius.
-void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first);
+// Puts nodes at Gaussians of [first, end) that are far apart from each other, with the mean
+// distance to the nearest other nodes as radius.
+void place_nodes(const MotionShape& shape, HostGroups& groups, size_t first, size_t end);
 
 // Nodes at rest.
 struct NodePlaces {
@@ -18,7 +18,8 @@ struct NodePlaces {
 // Moves idle nodes, which carry next to no Gaussians, beside those that carry most: density control
 // adds Gaussians where images are wrong, so nodes follow the error. The field gives a node its path
 // wherever it rests. Sorts nodes by place. Returns the row that each new row comes from; for a
-// moved node, that of the node it relieves. means [n, 3] of the Gaussians.
+// moved node, that of the node it relieves. means [n, 3] of the Gaussians
+// that follow nodes.
 std::vector<size_t> relieve_nodes(const std::vector<float>& means, NodePlaces& nodes);
 
 }  // namespace gflow

@@ -24,6 +24,10 @@ Chunks node_chunks(size_t nodes) {
   chunks.count = cl_uint((nodes + chunks.length - 1) / chunks.length);
   return chunks;
 }
+// Entries of a view that follow nodes: dynamic rows come first, and every row is listed.
+size_t followers(const Parameters& p, const RowList& rows) {
+  return std::min(rows.count_of(p), p.moving);
+}
 
 }  // namespace
 
@@ -71,26 +75,28 @@ void NodesMotion::pose(Queue& queue, const Parameters& p) {
 
 void NodesMotion::at(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
                      GaussiansAt& gaussians, const RowList& rows) {
-  const size_t n = rows.count_of(p);
+  const size_t n = rows.count_of(p), moving = followers(p, rows);
   gaussians.ensure(queue, n);
-  field_.cut(queue, p, t);
-  pose(queue, p);
-  near_.ensure(queue, n * NODE_NEIGHBOURS);
-  weights_.ensure(queue, n * NODE_NEIGHBOURS);
-  nodes_near_(queue, Range::over(n), cl_uint(n), cl_uint(nodes_), int(!seen), rows.buffer(),
-              seen ? *seen : p.rows.seen, p["means"].values, cl_uint(length_), columns_, near_,
-              weights_);
-  blend(queue, p, t, seen, rows);
-  nodes_fwd_(queue, Range::over(n), cl_uint(n), t, window_sigmas(shape_.cutoff), int(!seen),
-             rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values, p["means_t"].values,
-             p["quats"].values, p["log_scales"].values, p["logit_opacities"].values, blends_,
-             gaussians.means, gaussians.factors, gaussians.opacities);
+  blends_.ensure(queue, moving * kBlend);
+  if (moving > 0) {
+    field_.cut(queue, p, t);
+    pose(queue, p);
+    near_.ensure(queue, moving * NODE_NEIGHBOURS);
+    weights_.ensure(queue, moving * NODE_NEIGHBOURS);
+    nodes_near_(queue, Range::over(moving), cl_uint(moving), cl_uint(nodes_), int(!seen),
+                rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values, cl_uint(length_),
+                columns_, near_, weights_);
+    blend(queue, p, moving, t, seen, rows);
+  }
+  nodes_fwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, window_sigmas(shape_.cutoff),
+             int(!seen), rows.buffer(), seen ? *seen : p.rows.seen, p["means"].values,
+             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+             p["logit_opacities"].values, blends_, gaussians.means, gaussians.factors,
+             gaussians.opacities);
 }
 
-void NodesMotion::blend(Queue& queue, const Parameters& p, float t, const Buffer<cl_uint>* seen,
-                        const RowList& rows) {
-  const size_t n = rows.count_of(p);
-  blends_.ensure(queue, n * kBlend);
+void NodesMotion::blend(Queue& queue, const Parameters& p, size_t n, float t,
+                        const Buffer<cl_uint>* seen, const RowList& rows) {
   nodes_blend_(queue, Range::over(n), cl_uint(n), int(!seen), field_.grid(), rows.buffer(),
                seen ? *seen : p.rows.seen, p["means"].values, node_rows_, near_, weights_, blends_);
   blended_ = t;
@@ -100,21 +106,27 @@ void NodesMotion::backward(Queue& queue, Parameters& p, float t, bool first,
                            const Buffer<cl_uint>& tiles_touched, const Buffer<float>& v_means,
                            const Buffer<float>& v_factors, const Buffer<float>& v_opacities,
                            const RowList& rows) {
-  const size_t n = rows.count_of(p);
-  if (near_.size() < n * NODE_NEIGHBOURS) throw Error("nodes: backward() needs at() before it");
-  const cl_uint nodes = cl_uint(nodes_), length = cl_uint(length_);
+  const size_t n = rows.count_of(p), moving = followers(p, rows);
+  if (near_.size() < moving * NODE_NEIGHBOURS)
+    throw Error("nodes: backward() needs at() before it");
   const Chunks parts = node_chunks(nodes_);
-  field_.begin(queue, p, t, nodes_, parts);
-  if (blended_ != t) {  // at() was called for a second time since
+  if (moving > 0) field_.begin(queue, p, t, nodes_, parts);
+  if (moving > 0 && blended_ != t) {  // at() was called for a second time since
     pose(queue, p);
-    blend(queue, p, t, &tiles_touched, rows);
+    blend(queue, p, moving, t, &tiles_touched, rows);
   }
-  v_blends_.ensure(queue, n * kBlend);
-  nodes_bwd_(queue, Range::over(n), cl_uint(n), t, int(first), rows.buffer(), p["means"].values,
-             p["means_t"].values, p["quats"].values, p["log_scales"].values,
+  v_blends_.ensure(queue, moving * kBlend);
+  nodes_bwd_(queue, Range::over(n), cl_uint(n), cl_uint(p.moving), t, int(first), rows.buffer(),
+             p["means"].values, p["means_t"].values, p["quats"].values, p["log_scales"].values,
              p["logit_opacities"].values, blends_, tiles_touched, v_means, v_factors, v_opacities,
              p.rows.seen, p["means"].grads, p["means_t"].grads, p["quats"].grads,
              p["log_scales"].grads, p["logit_opacities"].grads, v_blends_);
+  if (moving > 0) backward_to_nodes(queue, p, moving, parts, tiles_touched, rows);
+}
+
+void NodesMotion::backward_to_nodes(Queue& queue, Parameters& p, size_t n, const Chunks& parts,
+                                    const Buffer<cl_uint>& tiles_touched, const RowList& rows) {
+  const cl_uint nodes = cl_uint(nodes_), length = cl_uint(length_);
   const Chunks chunks = sum_chunks(queue, n);
   sums_.ensure(queue, chunks.count * nodes_ * NODE_SUMS);
   nodes_sum_(queue, Range::groups(chunks.count, 1), cl_uint(n), chunks.length, nodes, field_.grid(),
@@ -153,10 +165,12 @@ void NodesMotion::split(Queue& queue, Parameters& p, const Buffer<cl_uint>& chil
 
 // All nodes take part in every step, so rows differ in values and moments only.
 void NodesMotion::rearrange(Queue& queue, Parameters& p) {
+  if (p.moving == 0) return;
   Table& table = p.more[0];
   ParameterGroup &places = p["node_places"], &log_radii = p["node_log_radii"];
   NodePlaces nodes{places.values.read(queue), log_radii.values.read(queue)};
-  const std::vector<size_t> from = relieve_nodes(p["means"].values.read(queue), nodes);
+  const std::vector<size_t> from =
+      relieve_nodes(p["means"].values.read_range(queue, 0, 3 * p.moving), nodes);
   for (ParameterGroup& group : table.groups) {
     for (Buffer<float>* moments : {&group.exp_avg, &group.exp_avg_sq}) {
       if (moments->size() == 0) continue;

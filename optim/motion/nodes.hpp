@@ -35,10 +35,13 @@ class NodesMotion : public Motion {
 
  private:
   // Sets columns_, outputs_, poses_ and node_rows_ from the field, which was cut at time t, and
-  // with near_ and weights_ the blends_ of the Gaussians of a view.
+  // with near_ and weights_ the blends_ of the first n Gaussians of a view, the dynamic ones.
   void pose(Queue& queue, const Parameters& parameters);
-  void blend(Queue& queue, const Parameters& parameters, float t, const Buffer<cl_uint>* seen,
-             const RowList& rows);
+  void blend(Queue& queue, const Parameters& parameters, size_t n, float t,
+             const Buffer<cl_uint>* seen, const RowList& rows);
+  // From the gradients of the blends of the first n Gaussians of a view to all that nodes share.
+  void backward_to_nodes(Queue& queue, Parameters& parameters, size_t n, const Chunks& parts,
+                         const Buffer<cl_uint>& tiles_touched, const RowList& rows);
 
   MotionShape shape_;
   size_t nodes_, length_, block_;  // length_: of columns_
@@ -56,12 +59,12 @@ class NodesMotion : public Motion {
   Kernel<cl_uint, HexplaneGrid, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>,
          Out<float>>
       nodes_pose_;
-  Kernel<cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>, In<float>,
-         In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_float, cl_int, In<cl_uint>, In<cl_uint>, In<float>,
+         In<float>, In<float>, In<float>, In<float>, In<float>, Out<float>, Out<float>, Out<float>>
       nodes_fwd_;
-  Kernel<cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>, In<float>,
-         In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>, Out<cl_uint>,
-         Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
+  Kernel<cl_uint, cl_uint, cl_float, cl_int, In<cl_uint>, In<float>, In<float>, In<float>,
+         In<float>, In<float>, In<float>, In<cl_uint>, In<float>, In<float>, In<float>,
+         Out<cl_uint>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>, Out<float>>
       nodes_bwd_;
   Kernel<cl_uint, cl_uint, cl_uint, HexplaneGrid, In<cl_uint>, In<float>, cl_uint, In<float>,
          In<float>, In<cl_uint>, In<float>, In<cl_uint>, In<float>, Out<float>, Out<float>>

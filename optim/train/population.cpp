@@ -57,7 +57,9 @@ Population::Population(Queue& queue, const TrainOptions& config, const Scene& sc
       near_fade_(queue),
       hidden_(queue),
       order_(queue),
-      static_detection_(static_detection_for(queue, config, scene, model.parameters)) {}
+      static_detection_(static_detection_for(queue, config, scene, model.parameters)) {
+  density_rule_.wakes = static_detection_ != nullptr;
+}
 
 void Population::see(Queue& queue, const Renderer& renderer, const Shot& shot, int width,
                      int height, bool some_ignored) {

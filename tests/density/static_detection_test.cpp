@@ -454,6 +454,25 @@ TEST(StaticDetection, WhatGrowsMoves) {
   EXPECT_EQ(made.values("velocities"), (std::vector<float>{5, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
+TEST(StaticDetection, WithoutItWhatGrowsFromAStaticGaussianIsStatic) {
+  StaticSpacetime made({{5}, {0}, {0}});
+  made.p["logit_opacities"].values.fill(made.queue, 1);
+  made.refine();
+  AdcDensity density(made.queue);
+  DensityRule rule = quiet_rule();
+  rule.grad_threshold = 1;
+  rule.prune_scale = 10;
+  rule.split.split_scale = 1;
+  rule.wakes = false;
+  const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
+  const Buffer<float> v(made.queue, {9, 0, 0, 0, 9, 0}, "v_means2d");
+  density.see(made.queue, made.p, {2, 2, {}, touched, v});
+  density.refine(made.queue, made.p, *made.motion, rule, 1);
+  ASSERT_EQ(made.p.count, 5u);
+  EXPECT_EQ(made.p.moving, 2u);
+  EXPECT_EQ(made.values("velocities"), (std::vector<float>{5, 0, 0, 5, 0, 0}));
+}
+
 // Row 1 is static and dead: it is relocated to another row, and rows that share a place become
 // dynamic.
 TEST(StaticDetection, WhatIsRelocatedMoves) {

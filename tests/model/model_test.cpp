@@ -183,6 +183,34 @@ TEST_P(EachMotionModel, ComesBackFromAFileAndFromTheDeviceBitByBit) {
   EXPECT_EQ(Model(queue, back).read(queue).groups, model.groups);
 }
 
+// Rows of a file may be in any order, and a Gaussian keeps its motion or rest with its row.
+TEST_P(EachMotionModel, KeepsWhichGaussiansAreStatic) {
+  Queue queue = test_queue();
+  const TemporaryFolder folder;
+  HostModel model = random_model(5, 1, GetParam());
+  model.moving = 2;
+  const HostModel rest = Model(queue, model).read(queue);  // without motion of their own
+  EXPECT_EQ(rest.moving, 2u);
+  for (const char* name : {"means", "quats", "sh_rest"})
+    EXPECT_EQ(rest.groups.at(name), model.groups.at(name));
+  for (const MotionColumns& columns : motion_columns(model.shape))
+    EXPECT_NE(rest.groups.at(columns.group), model.groups.at(columns.group));
+  EXPECT_EQ(Model(queue, rest).read(queue).groups, rest.groups);
+  write_model(folder.file("model.ply"), rest);
+  const HostModel back = read_model(folder.file("model.ply"));
+  EXPECT_EQ(back.groups, rest.groups);
+  if (!motion_columns(model.shape).empty() || model.shape.keys > 0) return;
+  EXPECT_EQ(back.num_moving(), 2u);
+  PlyTable table = read_splats(folder.file("model.ply"));
+  const size_t width = table.names.size();
+  std::rotate(table.values.begin(), table.values.begin() + long(width), table.values.end());
+  write_ply(folder.file("model.ply"), table);
+  const HostModel turned = read_model(folder.file("model.ply"));
+  EXPECT_EQ(turned.num_moving(), 2u);
+  EXPECT_EQ(turned.groups.at("means_t")[1], rest.groups.at("means_t")[0]);
+  EXPECT_EQ(turned.groups.at("means_t")[4], rest.groups.at("means_t")[4]);
+}
+
 TEST(Model, TablesOfAnotherModelOrNoneAreRefused) {
   const TemporaryFolder folder;
   const std::string path = folder.file("model.ply");

@@ -97,7 +97,7 @@ TEST(Bases, PivotsLieFarApartAmongWhatMovesAndGaussiansFollowThoseNear) {
   groups["means"] = {50, 0, 0, 0, 0, 0, .1f, 0, 0, 5, 0, 0, 5.1f, 0, 0};
   groups["basis_logits"].assign(10, 0.f);
   groups["pivots"].assign(6, 0.f);
-  place_bases(shape, groups, 1);
+  place_bases(shape, groups, 1, groups.at("means").size() / 3);
   EXPECT_EQ(groups["pivots"], (std::vector<float>{0, 0, 0, 5.1f, 0, 0}));
   const auto logit = [&](size_t i, size_t b) { return groups["basis_logits"][2 * i + b]; };
   EXPECT_LT(std::max(logit(0, 0), logit(0, 1)), -5);  // static

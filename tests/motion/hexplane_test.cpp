@@ -62,6 +62,21 @@ TEST_P(HexplaneOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas)
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
 }
 
+TEST_P(HexplaneOfSomeShapes, MovesOnlyWhatIsDynamic) {
+  Queue queue = test_queue(GetParam().lanes);
+  const MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
+  for (const size_t moving : {0, 7}) {
+    MotionCheck check(queue, shape, 12, reference::forward_of(shape),
+                      {{"planes", 0.2}, {"network", 0.15}}, 0.5, moving);
+    spread_planes(queue, check);
+    check.expect_same_gaussians(0.3, {1e-5, 1e-5});
+    if (moving == 0)
+      check.expect_same_gradients(0.4, 0.9, 1e-5, {"planes", "network"});
+    else
+      check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
+  }
+}
+
 TEST_P(HexplaneOfSomeShapes, TheDoubleDerivativeIsThatOfCentralDifferences) {
   MotionShape shape = small_shape(GetParam().levels, GetParam().layers, GetParam().times);
   shape.hexplane.turn = GetParam().turn;

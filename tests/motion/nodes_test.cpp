@@ -61,6 +61,24 @@ TEST_P(NodesOfSomeShapes, TheDeviceShowsAndDifferentiatesAsTheDoubleFormulas) {
   check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
 }
 
+TEST_P(NodesOfSomeShapes, MoveOnlyWhatFollowsThem) {
+  Queue queue = test_queue(GetParam().lanes);
+  const MotionShape shape = small_shape(GetParam());
+  MotionCheck check(queue, shape, 13, reference::forward_of(shape), {{"network", 0.15}}, 0.5, 6);
+  spread_planes(queue, check);
+  for (const double t : {0.3, 1.7}) check.expect_same_gaussians(t, {1e-5, 1e-5});
+  check.expect_same_gradients(0.4, 0.9, 1e-5);  // float32
+}
+
+TEST(Nodes, AreNotAskedWhereNothingMoves) {
+  Queue queue = test_queue();
+  const MotionShape shape = small_shape({8, 1, 0});
+  MotionCheck check(queue, shape, 5, reference::forward_of(shape), {{"network", 0.15}}, 0.5, 0);
+  check.expect_same_gaussians(0.3, {1e-5, 1e-5});
+  check.expect_same_gradients(0.4, 0.9, 1e-5,
+                              {"node_places", "node_log_radii", "planes", "network"});
+}
+
 // More than one vector of boxes, boxes that overlap, a last group that is not full, and Gaussians
 // whose nodes change: the search starts from those of the last time.
 TEST(Nodes, FollowTheNearestOfManyAsTheyMove) {
@@ -110,7 +128,7 @@ TEST(Nodes, RigidMotionOfAllHasNoStrain) {
   for (int k = 0; k < 60; ++k) groups["means"].push_back(float(random()));
   groups["node_places"].resize(36), groups["node_log_radii"].resize(12);
   set_static(shape, groups, 20, 5);
-  place_nodes(shape, groups, 0);
+  place_nodes(shape, groups, 0, 20);
   Named p;
   for (const auto& [name, values] : groups)
     p[name] = std::vector<double>(values.begin(), values.end());
@@ -129,7 +147,7 @@ TEST(Nodes, StartFarApartAndStatic) {
     for (const float x : {0.01f * float(k), 0.f, 0.f}) groups["means"].push_back(x);
   groups["node_places"].resize(24), groups["node_log_radii"].resize(8);
   set_static(shape, groups, 100, 7);
-  place_nodes(shape, groups, 0);
+  place_nodes(shape, groups, 0, 100);
   EXPECT_TRUE(is_static(shape, groups));
   std::vector<float> x;
   for (size_t k = 0; k < 8; ++k) x.push_back(groups["node_places"][3 * k]);

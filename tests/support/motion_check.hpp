@@ -20,14 +20,19 @@ using reference::DoubleForward;
 class MotionCheck {
  public:
   // Normal random parameters for n Gaussians with standard deviation `spread`, or that of the
-  // group.
+  // group. Those from row `moving` on are static: of a model without motion rows of Gaussians.
   MotionCheck(Queue& queue, const MotionShape& shape, size_t n, DoubleForward forward,
-              const std::map<std::string, double>& spreads = {}, double spread = 0.5)
+              const std::map<std::string, double>& spreads = {}, double spread = 0.5,
+              size_t moving = Parameters::all)
       : queue_(queue),
         n_(n),
-        forward_(std::move(forward)),
+        forward_([=](const Named& p, size_t i, double t) {
+          if (i < moving) return forward(p, i, t);
+          return shifted_at(reference::canonical_row(p, i), {{0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0}},
+                            t);
+        }),
         motion_(make_motion(queue, shape)),
-        p_(queue, n, motion_->groups(), motion_->tables()) {
+        p_(queue, n, motion_->groups(), motion_->tables(), moving) {
     Random random(17);
     for (Table* table : p_.tables())
       for (ParameterGroup& group : table->groups) {
