@@ -34,6 +34,7 @@ enum : uint {
   kPlanes = 140,
   kNetwork = 141,
   kChangeRays = 142,
+  kPathFrames = 143,
   kDynamicSeeds = 200,  // + 3 step + axis: all that follow
 };
 

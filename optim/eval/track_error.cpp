@@ -9,6 +9,7 @@
 
 #include "optim/flow/flow_store.hpp"
 #include "optim/formats/npy.hpp"
+#include "optim/model/renderer.hpp"
 
 namespace gflow {
 namespace {
@@ -191,6 +192,39 @@ TrackError track_error(Queue& queue, Model& model, const Tracks& tracks) {
   std::nth_element(sums.begin(), sums.begin() + long(sums.size() / 2), sums.end());
   error.median = sums[sums.size() / 2];
   return error;
+}
+
+double track_error_from_view(Queue& queue, Model& model, const Tracks& tracks, const Camera& camera,
+                             float near) {
+  Renderer renderer(queue, {});
+  Shot shot;
+  shot.view.camera = shot.view.camera_t2 = pinhole(camera, near);
+  shot.depth = true;
+  renderer.forward(queue, model, shot);
+  const std::vector<float> depth = renderer.images().depth.read(queue);
+  const std::vector<float> alpha = renderer.images().alpha.read(queue);
+  std::vector<Eigen::Vector3f> points;
+  for (size_t k = 0; k < tracks.points; ++k) {
+    const Eigen::Vector3d truth = point_at(tracks, 0, k).cast<double>();
+    points.push_back(truth.cast<float>());
+    if (!camera.depth_in_view(truth)) continue;
+    const Eigen::Vector2d pixel = camera.project(truth);
+    const size_t at = size_t(pixel.y()) * size_t(camera.width) + size_t(pixel.x());
+    if (alpha[at] > 0.5f)
+      points[k] =
+          (camera.position() + double(depth[at] / alpha[at]) * camera.ray(pixel)).cast<float>();
+  }
+  const double steps = double(tracks.steps);
+  double sum = 0;
+  for (size_t step = 0;; ++step) {
+    for (size_t k = 0; k < tracks.points; ++k)
+      sum +=
+          double((points[k] - point_at(tracks, step, k)).norm()) / (steps * double(tracks.points));
+    if (step + 1 == tracks.steps) return sum;
+    const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / (steps - 1)),
+                                              model.time(double(step + 1) / (steps - 1)));
+    for (Eigen::Vector3f& point : points) carried(now, point);
+  }
 }
 
 }  // namespace gflow

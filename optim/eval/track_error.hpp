@@ -46,6 +46,9 @@ struct TrackError {
     std::vector<double> by_step, motion_by_step;  // as above; NaN if none is seen
   };
   std::optional<Seen> seen;
+  // Mean distance if each point starts where the model has it: images of one camera at a time do
+  // not tell how far away a thing that moves is. Without drift or error of depth it is 0.
+  std::optional<double> from_view;
 };
 
 // Error of a model's motion against tracks. Each point starts at its true position and is carried
@@ -53,5 +56,11 @@ struct TrackError {
 // weighted by their share of the density there. So a point may pass from one short-lived Gaussian
 // to the next.
 TrackError track_error(Queue& queue, Model& model, const Tracks& tracks);
+
+// TrackError::from_view: points in view of the camera start at the depth that the model shows in
+// their pixels at the first step. `near`: from where Gaussians are drawn. The others start at their
+// true positions.
+double track_error_from_view(Queue& queue, Model& model, const Tracks& tracks, const Camera& camera,
+                             float near);
 
 }  // namespace gflow

@@ -168,7 +168,7 @@ bool FlowStore::is_precomputed() const { return state_->options.is_precomputed; 
 
 TargetFlow read_true_flow(const Frame& frame, int width, int height) {
   if (frame.flow_path.empty()) throw Error(fmt::format("frame {} has no true flow", frame.name));
-  TargetFlow target_flow{read_flo(frame.flow_path), {}};
+  TargetFlow target_flow{read_any_flow(frame.flow_path), {}};
   target_flow.confidence = frame.flow_mask_path.empty()
                                ? where_valid(target_flow.flow)
                                : read_mask(frame.flow_mask_path, target_flow.flow, 255);

@@ -22,6 +22,7 @@ struct InitOptions {
   float lifetime = 1;
   float box = 1;
   int dynamic = 6000;
+  int background = 1500;
   float dynamic_lifetime = 1;
 
   // Whether Gaussians come from init.file.
@@ -45,8 +46,14 @@ struct InitOptions {
     field("count", self.count, "number of random, depth or stereo points", at_least(1));
     field("opacity", self.opacity, "initial opacity", above_up_to(0, 0.99f));
     field("box", self.box, advanced("side of the box of random points [x scene extent]"), above(0));
-    field("dynamic", self.dynamic,
-          "number of short-lived Gaussians where three or more static cameras see motion; 0: none",
+    field(
+        "dynamic", self.dynamic,
+        "number of Gaussians where three or more static cameras, or one moving camera, see motion; "
+        "0: none",
+        at_least(0));
+    field("background", self.background,
+          "scenes of one moving camera: steps that train what rests before all else, to find what "
+          "moves; 0: none, everything may move from the beginning",
           at_least(0));
     field("dynamic_lifetime", self.dynamic_lifetime,
           advanced("lifetime of the short-lived Gaussians, a standard deviation [time steps]"),

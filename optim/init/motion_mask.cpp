@@ -39,13 +39,15 @@ void pad_side(int& low, int& size, int length) {
   size = wanted;
 }
 
-// Rectangle around all set pixels; empty if there are too few.
-Rect around(const std::vector<uint8_t>& mask, int width, int height, uint8_t above) {
+}  // namespace
+
+Rect region_around(const Image& mask) {
+  const int width = mask.width, height = mask.height;
   int x0 = width, y0 = height, x1 = -1, y1 = -1;
   size_t count = 0;
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
-      if (mask[size_t(y) * size_t(width) + size_t(x)] > above) {
+      if (mask.pixels[size_t(y) * size_t(width) + size_t(x)] > 0) {
         ++count;
         x0 = std::min(x0, x);
         x1 = std::max(x1, x);
@@ -58,8 +60,6 @@ Rect around(const std::vector<uint8_t>& mask, int width, int height, uint8_t abo
   pad_side(rect.y, rect.height, height);
   return rect;
 }
-
-}  // namespace
 
 bool differs(const uint8_t* rgb, const uint8_t* usual) {
   int most = 0;
@@ -115,8 +115,8 @@ Rect around_object(FrameStore& store, const Frame& frame, const Image& alpha) {
   const std::array<uint8_t, 3> background = store.background();
   std::vector<uint8_t> usual(image->pixels.size());
   for (size_t i = 0; i < usual.size(); ++i) usual[i] = background[i % 3];
-  const Rect shown = around(changed_pixels(*image, usual), image->width, image->height, 0);
-  return shown.width > 0 ? shown : around(alpha.pixels, alpha.width, alpha.height, 0);
+  const Rect shown = region_around({image->width, image->height, 1, changed_pixels(*image, usual)});
+  return shown.width > 0 ? shown : region_around(alpha);
 }
 
 }  // namespace
@@ -134,8 +134,8 @@ std::vector<Rect> parts_of_interest(const Scene& scene, FrameStore& store,
   for (const StaticCamera& static_camera : static_cameras)
     for (size_t i = 0; i < static_camera.frames.size(); ++i)
       parts[size_t(static_camera.frames[i] - scene.train.data())] =
-          around(changed_pixels(store, *static_camera.frames[i], static_camera.usual),
-                 static_camera.camera.width, static_camera.camera.height, 0);
+          region_around({static_camera.camera.width, static_camera.camera.height, 1,
+                         changed_pixels(store, *static_camera.frames[i], static_camera.usual)});
   return parts;
 }
 

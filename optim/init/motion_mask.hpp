@@ -31,6 +31,9 @@ std::vector<uint8_t> changed_pixels(const Image& image, const std::vector<uint8_
 std::vector<uint8_t> changed_pixels(FrameStore& store, const Frame& frame,
                                     const std::vector<uint8_t>& usual);
 
+// Rectangle around the pixels above 0, with a margin; empty if there are too few.
+Rect region_around(const Image& mask);
+
 // Focus region of each training frame, with a margin: around the motion mask of a static camera, or
 // around the object in an image with transparency. The whole image if neither is known; empty if
 // nothing changes. Sides are multiples of 16 if the image is large enough.

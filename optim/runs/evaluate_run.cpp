@@ -39,6 +39,15 @@ TrainOptions evaluation_options(const TrainOptions& config, const MetricsOptions
   return changed;
 }
 
+// The image of the first time step, if one camera at a time films the scene; else nullptr.
+const Frame* first_view_alone(const Scene& scene) {
+  if (scene.train.size() >= 2 * size_t(scene.steps)) return nullptr;
+  const auto first =
+      std::min_element(scene.train.begin(), scene.train.end(),
+                       [](const Frame& a, const Frame& b) { return a.step < b.step; });
+  return first->step == 0 ? &*first : nullptr;
+}
+
 }  // namespace
 
 Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config,
@@ -53,6 +62,10 @@ Evaluation evaluate_views(Queue& queue, Model& model, const TrainOptions& config
     Tracks tracks = read_tracks(loaded.scene.tracks_path, loaded.scene.origin);
     mark_seen(tracks, loaded.scene, *loaded.frames);
     evaluation.tracks = track_error(queue, model, tracks);
+    if (const Frame* first = first_view_alone(loaded.scene))
+      evaluation.tracks->from_view =
+          track_error_from_view(queue, model, tracks, loaded.frames->camera(*first),
+                                near_or_default(config.render.near, loaded.scene));
   }
   return evaluation;
 }

@@ -153,7 +153,7 @@ void RunFolder::remove_model(int iteration) const {
 }
 
 void RunFolder::require_its_folders() const {
-  for (const char* name : {"checkpoints", "point_cloud", "flow", "frames", "test"}) {
+  for (const char* name : {"checkpoints", "point_cloud", "flow", "frames", "moving", "test"}) {
     const std::string folder = path(name);
     std::error_code problem, none;
     fs::directory_iterator(folder, problem);
@@ -175,7 +175,7 @@ std::vector<std::string> RunFolder::training() const {
   for (const auto& entry : fs::directory_iterator(path("point_cloud"), none))
     if (iteration_of_name(entry.path().filename().string()) >= 0) paths.push_back(entry.path());
   for (const char* name :
-       {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "broken.npz"})
+       {"metrics.jsonl", "metrics.csv", "input.ply", "input.motion.npz", "moving", "broken.npz"})
     paths.push_back(path(name));
   return those_there(std::move(paths));
 }
@@ -183,8 +183,8 @@ std::vector<std::string> RunFolder::training() const {
 bool RunFolder::would_remove(const std::string& file) const {
   if (file.empty()) return false;
   const fs::path real = fs::weakly_canonical(file);
-  for (const char* name :
-       {"cameras.json", "checkpoints", "flow", "frames", "input.ply", "point_cloud", "test"}) {
+  for (const char* name : {"cameras.json", "checkpoints", "flow", "frames", "input.ply", "moving",
+                           "point_cloud", "test"}) {
     const fs::path inside = real.lexically_relative(fs::weakly_canonical(path(name)));
     if (!inside.empty() && *inside.begin() != "..") return true;
   }

@@ -188,6 +188,8 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
                       {"end", tracks->end},       {"by_step", tracks->by_step},
                       {"motion", tracks->motion}, {"motion_by_step", tracks->motion_by_step},
                       {"still", tracks->still},   {"lost", tracks->lost}};
+  if (const auto& tracks = evaluation.tracks; tracks && tracks->from_view)
+    test["tracks"]["from_view"] = *tracks->from_view;
   if (const auto& tracks = evaluation.tracks; tracks && tracks->seen)
     test["tracks"]["seen"] = {{"share", tracks->seen->share},
                               {"mean", tracks->seen->mean},

@@ -99,7 +99,7 @@ void prepare(RunParts& parts, const std::string& left) {
 }
 
 HostModel first_model(RunParts& parts) {
-  const HostModel first = parts.prepared.first_model(parts.queue);
+  const HostModel first = parts.prepared.first_model(parts.queue, parts.quiet);
   if (!parts.quiet)
     print_status("{}", first_gaussians_in_words(first, parts.scene(), parts.config.init,
                                                 parts.prepared.place_of_points()));
@@ -175,6 +175,7 @@ Evaluation train_fresh(RunParts& parts) {
   prepare(parts, how_to_resume(parts.run, parts.config));
   HostModel first = first_model(parts);
   write_model(parts.run.path("input.ply"), first);
+  write_motion_masks(parts.run.path("moving"), parts.prepared.motion_masks());
   Model model(parts.queue, first);
   first = {};
   return train_and_evaluate(parts, model, std::nullopt, {});
@@ -192,6 +193,7 @@ Evaluation train_replacing(RunParts& parts) {
     begin_run(parts.run, [&](const RunFolder& files) {
       write_first_files(files, parts);
       write_model(files.path("input.ply"), first);
+      write_motion_masks(files.path("moving"), parts.prepared.motion_masks());
     });
     first = {};
     begun = true;
@@ -206,6 +208,7 @@ Evaluation train_replacing(RunParts& parts) {
 
 Evaluation resume_training(RunParts& parts, CheckpointFolder::Found checkpoint) {
   prepare(parts, how_to_resume(parts.run, parts.config));
+  parts.prepared.set_motion_masks(read_motion_masks(parts.run.path("moving"), parts.scene()));
   Model model(parts.queue, shape_to_resume(checkpoint, parts.scene(), parts.config, parts.run), 0);
   const auto renew = [&] {
     write_first_files(parts.run, parts);

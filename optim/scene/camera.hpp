@@ -50,6 +50,12 @@ struct Camera {
     return {fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy};
   }
 
+  // World direction of the points that project to a pixel, with length 1 along the axis.
+  Eigen::Vector3d ray(const Eigen::Vector2d& pixel) const {
+    return viewmat.topLeftCorner<3, 3>().transpose() *
+           Eigen::Vector3d((pixel.x() - cx) / fx, (pixel.y() - cy) / fy, 1);
+  }
+
   // Depth of a world point that is in front of the camera and inside its image; nullopt for others.
   std::optional<double> depth_in_view(const Eigen::Vector3d& world) const {
     const double z = viewmat.row(2).dot(world.homogeneous());
@@ -70,10 +76,8 @@ struct Camera {
   }
 };
 
-// The camera of an image reduced by `divisor`; sizes round down but are at least 1, as for images.
-inline Camera reduced(Camera camera, int divisor) {
-  const int width = std::max(1, camera.width / divisor);
-  const int height = std::max(1, camera.height / divisor);
+// The camera of an image that is resized.
+inline Camera resized(Camera camera, int width, int height) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;
   camera.width = width;
   camera.height = height;
@@ -82,6 +86,18 @@ inline Camera reduced(Camera camera, int divisor) {
   camera.fy *= sy;
   camera.cy *= sy;
   return camera;
+}
+
+// The same for an image reduced by `divisor`; sizes round down but are at least 1, as for images.
+inline Camera reduced(const Camera& camera, int divisor) {
+  return resized(camera, std::max(1, camera.width / divisor), std::max(1, camera.height / divisor));
+}
+
+// And for one whose longer side has at most `most` pixels.
+inline Camera limited(const Camera& camera, int most) {
+  const double scale = std::min(1.0, double(most) / std::max(camera.width, camera.height));
+  return resized(camera, std::max(1, int(std::lround(scale * camera.width))),
+                 std::max(1, int(std::lround(scale * camera.height))));
 }
 
 }  // namespace gflow

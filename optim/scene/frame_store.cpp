@@ -142,12 +142,21 @@ struct FrameStore::State {
     return prepared(masked(image, mask), frame);
   }
 
+  // A mask in memory or of a file, in the size of the image: 255 where all of it is white.
+  Image resized_to(const Image& mask, const Frame& frame) const {
+    const Camera& small = reduced_cameras[size_t(frame.camera)];
+    return binary(resized(two_levels(mask), small.width, small.height), 255);
+  }
+  Image read_levels(const Frame& frame) const {
+    const Image mask = read_mask(frame.mask_path, full[size_t(frame.camera)]);
+    return binary(prepared(two_levels(mask), frame), 255);
+  }
+
   // The mask of a frame if it means ignore or foreground, 0 and 255; null without, or if it is
   // white everywhere.
   std::shared_ptr<const Image> load_mask(const Frame& frame) const {
     if (frame.mask_path.empty() || masks == Masks::alpha) return nullptr;
-    Image mask = read_mask(frame.mask_path, full[size_t(frame.camera)]);
-    Image levels = binary(prepared(two_levels(std::move(mask)), frame), 255);
+    Image levels = frame.mask ? resized_to(*frame.mask, frame) : read_levels(frame);
     const bool all = std::all_of(levels.pixels.begin(), levels.pixels.end(),
                                  [](uint8_t value) { return value == 255; });
     if (masks == Masks::ignore && std::count(levels.pixels.begin(), levels.pixels.end(), 255) == 0)
@@ -268,7 +277,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
         const ImageHeader header = read_image_header(frame.path);
         check_size(header.width, header.height, camera, frame.path);
       }
-      if (!frame.mask_path.empty()) {
+      if (!frame.mask && !frame.mask_path.empty()) {
         const ImageHeader header = read_image_header(frame.mask_path);
         check_mask_shape(header.width, header.height, camera, frame.mask_path);
       }

@@ -26,7 +26,9 @@ struct Frame {
   std::string path;  // image, or video if video_frame >= 0
   std::shared_ptr<const Image> image;  // the image itself, of a scene in memory: path names it
   std::string mask_path;               // mask image (Scene::masks), or empty
-  int video_frame = -1;                // index of the video frame
+  // The mask itself, one channel, of the undistorted image in any size: mask_path names it.
+  std::shared_ptr<const Image> mask;
+  int video_frame = -1;   // index of the video frame
   std::string flow_path;  // true flow to the next step seen by this camera held static, or empty
   double flow_time = 0;   // [0, 1]; target time of the true flow
   // Mask of the true flow: 255 visible at both times, 128 occluded at the target time, 0 no

@@ -13,6 +13,7 @@
 #include "optim/init/depth_points.hpp"
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
+#include "optim/movers/first_model.hpp"
 #include "optim/objectives/depth_objective.hpp"
 #include "optim/options/scene_defaults.hpp"
 #include "optim/train/guidance_provider.hpp"
@@ -134,6 +135,17 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
   return flows;
 }
 
+// Where what rests and the paths of what moves are known before the first step, training few frames
+// first would gain nothing, and large steps of the field would lose the paths.
+TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
+  if (!begins_with_background(scene, config)) return config;
+  config.motion.hexplane.warmup = 0;
+  config.motion.hexplane.curriculum = 0;
+  LearningRateOptions& lr = config.lr;
+  for (float* rate : {&lr.planes, &lr.planes_final, &lr.network, &lr.network_final}) *rate *= 0.1f;
+  return config;
+}
+
 // A video without poses is trained as that of a static camera.
 void warn_of_moving_camera(const TrainOptions& config, const LoadedScene& loaded) {
   const Scene& scene = loaded.scene;
@@ -151,7 +163,8 @@ Preparation::Preparation(const TrainOptions& config, const std::string& unpack_f
     : Preparation(config, load_scene(config.scene, unpack_folder)) {}
 
 Preparation::Preparation(const TrainOptions& config, LoadedScene loaded)
-    : loaded_(std::move(loaded)), config_(with_scene_defaults(config, loaded_.scene)) {
+    : loaded_(std::move(loaded)),
+      config_(with_scene_known(with_scene_defaults(config, loaded_.scene), loaded_.scene)) {
   if (scene().train.empty()) throw Error("scene '" + scene().name + "' has no training views");
   require_sequence(config, scene(), model_shape(scene(), config));
   require_guided_views(config, scene());
@@ -187,7 +200,8 @@ void Preparation::find_motion_masks() {
   parts_ = parts_of_interest(scene(), frames(), static_cameras_);
 }
 
-HostModel Preparation::first_model(Queue& queue) {
+HostModel Preparation::first_model(Queue& queue, bool quiet) {
+  if (begins_with_background(scene(), config_)) return model_of_moving_camera(queue, quiet);
   const InitFrom from = config_.init.from;
   const bool has_none =
       scene().points.size() == 0 && !scene().has_alpha && config_.init.file.empty();
@@ -210,6 +224,22 @@ HostModel Preparation::first_model(Queue& queue) {
     config.density.cap = std::max(int(holds), 1);
   }
   return initial_model(scene(), frames(), parts_, static_cameras_, neighbours_, *flows_, config);
+}
+
+HostModel Preparation::model_of_moving_camera(Queue& queue, bool quiet) {
+  std::optional<Progress> progress;
+  const auto begin = [&](const char* stage, size_t total) {
+    progress.emplace(stage, long(total), quiet);
+    return progress_callback(*progress);
+  };
+  MovingScene moving = moving_scene(queue, scene(), frames(), config_, begin);
+  set_motion_masks(std::move(moving.masks));
+  return std::move(moving.model);
+}
+
+void Preparation::set_motion_masks(MotionMasks masks) {
+  motion_masks_ = std::move(masks);
+  if (!motion_masks_.empty()) parts_ = parts_around(scene(), frames(), motion_masks_);
 }
 
 PointCloud Preparation::points_from_depth() {

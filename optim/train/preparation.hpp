@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "optim/init/motion_mask.hpp"
+#include "optim/movers/first_model.hpp"
 #include "optim/scene/loaded_scene.hpp"
 #include "optim/train/trainer.hpp"
 #include "runtime/base/report.hpp"
@@ -37,8 +38,14 @@ class Preparation {
   void find_motion_masks();
 
   // The initial model, with at most as many Gaussians as density.cap and memory allow. A scene
-  // without points gets those of its depth files or stereo points.
-  HostModel first_model(Queue& queue);
+  // without points gets those of its depth files or stereo points. That of one moving camera gets
+  // what rests and what moves (movers/first_model.hpp), and motion_masks(). quiet: no progress
+  // lines.
+  HostModel first_model(Queue& queue, bool quiet = true);
+  // Of the scene of a moving camera: what moves in each training frame, which decides about focus
+  // regions; else empty. A run that is resumed must set those it began with.
+  const MotionMasks& motion_masks() const { return motion_masks_; }
+  void set_motion_masks(MotionMasks masks);
   // Where the points of first_model's scene come from, in words.
   const char* place_of_points() const { return place_of_points_; }
   // guidance: provider of the settings, or nullptr; it must outlive the trainer. more: further
@@ -54,6 +61,7 @@ class Preparation {
   FlowStore& flows() { return *flows_; }
 
  private:
+  HostModel model_of_moving_camera(Queue& queue, bool quiet);
   PointCloud points_from_depth();
   PointCloud points_from_stereo();
 
@@ -64,6 +72,7 @@ class Preparation {
   std::optional<FlowStore> flows_;
   std::vector<StaticCamera> static_cameras_;
   std::vector<Rect> parts_;
+  MotionMasks motion_masks_;
   const char* place_of_points_ = "at the scene's points";
 };
 

@@ -68,6 +68,9 @@ std::string in_words(const Scene& scene, const std::vector<Camera>& cameras) {
 
 std::string first_gaussians_in_words(const HostModel& model, const Scene& scene,
                                      const InitOptions& init, const char* place_of_points) {
+  if (const size_t moving = model.num_moving(); moving < model.count)
+    return fmt::format("initial Gaussians: {} of what rests, {} of what moves\n",
+                       model.count - moving, moving);
   const size_t short_lived = count_short_lived(model);
   const std::string more =
       short_lived ? fmt::format(", and {} short-lived ones where there is motion", short_lived)

@@ -335,7 +335,7 @@ void set_steps(const std::vector<double>& times, std::vector<Frame>& frames) {
 }
 
 void find_true_flow(Frame& frame, const std::string& base, double flow_time) {
-  frame.flow_path = first_existing("", {base + ".flo", base + ".flo.gz"});
+  frame.flow_path = first_existing("", {base + ".flo", base + ".flo.gz", base + ".png"});
   if (frame.flow_path.empty()) return;
   frame.flow_mask_path = first_existing("", {base + "_mask.png"});
   frame.flow_time = flow_time;

@@ -113,7 +113,7 @@ size_t nearest_time(const std::vector<double>& times, double time);
 // Sets each frame's step to the index of the nearest of these times.
 void set_steps(const std::vector<double>& times, std::vector<Frame>& frames);
 
-// Sets the true flow and its mask if BASE.flo or BASE.flo.gz exists.
+// Sets the true flow and its mask if BASE.flo, BASE.flo.gz or BASE.png (KITTI) exists.
 void find_true_flow(Frame& frame, const std::string& base, double flow_time);
 
 // Median distance of the points from a place. Precondition: at least one point.
