@@ -382,12 +382,24 @@ void check(const TrainOptions& config) {
   });
 }
 
+namespace {
+
+// Whether a motion model of this name is not registered from outside.
+bool comes_with_gflow(const std::string& name) {
+  for (int kind = 0; kind <= int(MotionModelKind::nodes); ++kind)
+    if (name == motion_model_of(MotionModelKind(kind)).name) return true;
+  return false;
+}
+
+}  // namespace
+
 std::string to_toml(const TrainOptions& config) {
   std::string text =
       "# Every setting of this run. Use it again with: gflow train SCENE -o RUN --config FILE\n";
   TrainOptions::sections(config, [&](const char* section, auto& part, const char* help) {
-    // A program without this model does not know the section, but may read the file otherwise.
-    if (std::is_same_v<std::decay_t<decltype(part)>, OwnNumbers> &&
+    // A program without a registered model does not know its section, but may read the file
+    // otherwise.
+    if (std::is_same_v<std::decay_t<decltype(part)>, OwnNumbers> && !comes_with_gflow(section) &&
         section != std::string(name_of(config.motion.model)))
       return;
     text += fmt::format("\n[{}]  # {}\n", section, help);

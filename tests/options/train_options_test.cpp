@@ -157,6 +157,17 @@ TEST(Config, PrintedInFullAndReadBackItIsTheSame) {
   EXPECT_EQ(to_toml(copy), to_toml(config));
 }
 
+// motion.model is "auto" and the scene chooses nodes, whose numbers a resumed run needs.
+TEST(Config, TheFileHasTheNumbersOfAModelThatTheSceneMayChoose) {
+  TrainOptions config;
+  apply_setting(config, "nodes.count=16");
+  EXPECT_NE(to_toml(config).find("\n[nodes]"), std::string::npos);
+  const TemporaryFile file(to_toml(config));
+  TrainOptions copy;
+  apply_file(copy, file.path);
+  EXPECT_EQ(copy.motion.own_of(motion_model_of(MotionModelKind::nodes)).whole("count"), 16);
+}
+
 TEST(Config, TheDefaultsPassTheirOwnCheck) { EXPECT_NO_THROW(check(TrainOptions())); }
 
 TEST(Config, EveryLineOfTheFileHasAComment) {
