@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "optim/model/renderer.hpp"
-#include "optim/train/train.hpp"
 
 namespace gflow {
 namespace {
@@ -16,19 +15,6 @@ constexpr float kLeastDiffers = 20;      // of 255: pixels of what rests differ 
 constexpr float kTimesUsual = 5;         // nor by more than this multiple of the median difference
 constexpr double kLeastSuspects = 0.25;  // share of a moving part's pixels
 constexpr size_t kLeastPixels = 30;      // of a moving part
-
-// Forwards the steps made.
-class Counter : public TrainObserver {
- public:
-  Counter(const ProgressCallback& progress, size_t steps) : progress_(progress), steps_(steps) {}
-  void after_step(TrainState& state) override {
-    if (progress_) progress_(size_t(state.done), steps_);
-  }
-
- private:
-  const ProgressCallback& progress_;
-  size_t steps_;
-};
 
 // The scene at one time, of reduced images in memory, without the suspects.
 Scene scene_at_rest(const Scene& scene, FrameStore& store, const SmallVideo& video,
@@ -129,12 +115,11 @@ Mask moving_pixels(const std::vector<float>& differs, const Mask& suspects) {
 
 StillBackground background_of(Queue& queue, const Scene& scene, FrameStore& store,
                               const SmallVideo& video, const Suspects& suspects,
-                              const TrainOptions& options, const ProgressCallback& progress) {
+                              const TrainOptions& options, const TrainModel& train,
+                              const ProgressCallback& progress) {
   StillBackground background;
   const TrainOptions still = options_at_rest(options);
-  Counter counter(progress, size_t(still.train.iterations));
-  background.model =
-      train(queue, scene_at_rest(scene, store, video, suspects), still, {&counter, {}}).model;
+  background.model = train(scene_at_rest(scene, store, video, suspects), still, progress);
   Model model(queue, background.model, Purpose::rendering);
   Renderer renderer(queue, engine_settings(still));
   const float near = near_or_default(options.render.near, scene);

@@ -14,11 +14,16 @@ struct StillBackground {
   std::vector<std::vector<float>> depths;  // [height, width] along the axis; infinite where empty
 };
 
+// Trains a model on a scene in memory; reports the steps made.
+using TrainModel =
+    std::function<HostModel(Scene scene, const TrainOptions& options, const ProgressCallback&)>;
+
 // Trains a static model for options.init.background steps on all pixels that are not suspects, then
 // compares it with the images: in what moves, pixels differ from it and their neighbourhood holds
 // suspects.
 StillBackground background_of(Queue& queue, const Scene& scene, FrameStore& store,
                               const SmallVideo& video, const Suspects& suspects,
-                              const TrainOptions& options, const ProgressCallback& progress);
+                              const TrainOptions& options, const TrainModel& train,
+                              const ProgressCallback& progress);
 
 }  // namespace gflow

@@ -74,7 +74,8 @@ bool begins_with_background(const Scene& scene, const TrainOptions& options) {
 }
 
 MovingScene moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
-                         const TrainOptions& options, const BeginStage& begin) {
+                         const TrainOptions& options, const TrainModel& train,
+                         const BeginStage& begin) {
   TrainOptions config = with_scene_defaults(options, scene);
   const size_t cap = size_t(config.density.cap);
   config.density.cap = int(kBackgroundShare * double(cap));
@@ -82,7 +83,7 @@ MovingScene moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
   const Suspects suspects =
       suspects_of(video, size_t(config.init.count), begin("motion", video.size()));
   const StillBackground background =
-      background_of(queue, scene, store, video, suspects, config,
+      background_of(queue, scene, store, video, suspects, config, train,
                     begin("background", size_t(config.init.background)));
   const NeighbourFlows flows = neighbour_flows(video);
   const std::vector<Mover> movers = movers_of(video, background, flows);

@@ -25,6 +25,7 @@ using BeginStage = std::function<ProgressCallback(const char* name, size_t total
 // 4. Gaussians on these paths join those of the static model, and the motion model learns to follow
 //    them (follow_paths.hpp).
 MovingScene moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
-                         const TrainOptions& options, const BeginStage& begin);
+                         const TrainOptions& options, const TrainModel& train,
+                         const BeginStage& begin);
 
 }  // namespace gflow

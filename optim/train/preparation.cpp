@@ -18,6 +18,7 @@
 #include "optim/options/scene_defaults.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/summary.hpp"
+#include "optim/train/train.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
 #include "runtime/base/warning.hpp"
@@ -146,6 +147,17 @@ TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
   return config;
 }
 
+// Reports the steps that a training has made.
+class StepCounter : public TrainObserver {
+ public:
+  StepCounter(const ProgressCallback& report, size_t steps) : report_(report), steps_(steps) {}
+  void after_step(TrainState& state) override { report_(size_t(state.done), steps_); }
+
+ private:
+  const ProgressCallback& report_;
+  size_t steps_;
+};
+
 // A video without poses is trained as that of a static camera.
 void warn_of_moving_camera(const TrainOptions& config, const LoadedScene& loaded) {
   const Scene& scene = loaded.scene;
@@ -232,7 +244,12 @@ HostModel Preparation::model_of_moving_camera(Queue& queue, bool quiet) {
     progress.emplace(stage, long(total), quiet);
     return progress_callback(*progress);
   };
-  MovingScene moving = moving_scene(queue, scene(), frames(), config_, begin);
+  const TrainModel train_still = [&](Scene still, const TrainOptions& options,
+                                     const ProgressCallback& report) {
+    StepCounter counter(report, size_t(options.train.iterations));
+    return train(queue, std::move(still), options, {&counter, {}}).model;
+  };
+  MovingScene moving = moving_scene(queue, scene(), frames(), config_, train_still, begin);
   set_motion_masks(std::move(moving.masks));
   return std::move(moving.model);
 }

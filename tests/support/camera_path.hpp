@@ -74,8 +74,17 @@ inline double texture_at(double u, double v, int seed) {
   return sum / 3.5;
 }
 
-// What a camera sees of a room: a floor, a wall behind, and before it two textured boards.
-inline Image image_of_room(const Eigen::Isometry3d& pose, double focal, int width, int height) {
+// What a camera sees of a room, per pixel: depth along the axis, and 1 where the last board is.
+struct RoomTruth {
+  std::vector<float> depth;
+  std::vector<uint8_t> last;
+};
+
+// What a camera sees of a room: a floor, a wall behind, and before it two textured boards, the last
+// one displaced by `moved`. without_last: as if it were not there.
+inline Image image_of_room(const Eigen::Isometry3d& pose, double focal, int width, int height,
+                           const Eigen::Vector3d& moved = Eigen::Vector3d::Zero(),
+                           RoomTruth* truth = nullptr, bool without_last = false) {
   struct Board {
     Eigen::Vector3d corner, u, v;  // sides of length 1
     double wide, high;
@@ -93,19 +102,26 @@ inline Image image_of_room(const Eigen::Isometry3d& pose, double focal, int widt
       const Eigen::Vector3d ray =
           eye.rotation() *
           Eigen::Vector3d((x + .5 - .5 * width) / focal, (y + .5 - .5 * height) / focal, 1);
-      double nearest = 1e9, level = 0;
+      double nearest = 1e9, nearest_u = 0, nearest_v = 0;
+      const Board* seen = nullptr;
       for (const Board& board : boards) {
+        const bool last = &board == &boards.back();
+        if (last && without_last) continue;
+        const Eigen::Vector3d corner = last ? Eigen::Vector3d(board.corner + moved) : board.corner;
         const Eigen::Vector3d normal = board.u.cross(board.v);
-        const double depth = normal.dot(board.corner - eye.translation()) / normal.dot(ray);
-        const Eigen::Vector3d on = eye.translation() + depth * ray - board.corner;
+        const double depth = normal.dot(corner - eye.translation()) / normal.dot(ray);
+        const Eigen::Vector3d on = eye.translation() + depth * ray - corner;
         const double u = on.dot(board.u), v = on.dot(board.v);
         if (!(depth > 0.1 && depth < nearest) || u < 0 || v < 0 || u > board.wide || v > board.high)
           continue;
-        nearest = depth;
-        level = texture_at(2.5 * u, 2.5 * v, board.seed);
+        nearest = depth, nearest_u = u, nearest_v = v;
+        seen = &board;
       }
+      const double level = seen ? texture_at(2.5 * nearest_u, 2.5 * nearest_v, seen->seed) : 0;
       const auto value = uint8_t(std::clamp(128 + 90 * level, 0., 255.));
       image.pixels.insert(image.pixels.end(), {value, value, value});
+      if (truth)
+        truth->depth.push_back(float(nearest)), truth->last.push_back(seen == &boards.back());
     }
   return image;
 }

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gflow train` on the images of one moving camera, from poses to a model in which little moves.
+#include "optim/movers/motion_masks.hpp"
+#include "tests/support/command.hpp"
+#include "tests/support/room_video.hpp"
+#include "tests/support/small_scene.hpp"
+
+namespace gflow {
+namespace {
+
+class MovingCameraCommand : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TemporaryFolder;
+    room_ = new RoomVideo({0.05, 0, 0.03});
+    std::string frames;
+    for (int k = 0; k < RoomVideo::frames; ++k) {
+      write_png(folder_->file(fmt::format("scene/images/{:02}.png", k)),
+                room_->video.images[size_t(k)]);
+      frames += (k ? "," : "") + frame_text(room_->video.cameras[size_t(k)], k);
+    }
+    folder_->write("scene/transforms_train.json",
+                   fmt::format(R"({{"fl_x": {}, "w": {}, "h": {}, "frames": [{}]}})",
+                               RoomVideo::focal, RoomVideo::width, RoomVideo::height, frames));
+    ASSERT_EQ(gflow(train("whole")).code, 0);
+  }
+  static void TearDownTestSuite() {
+    delete folder_;
+    delete room_;
+  }
+
+  static std::string run(const std::string& name) { return folder_->path() + "/" + name; }
+  static std::vector<std::string> train(const std::string& name) {
+    std::vector<std::string> arguments{"train", run("scene"), "-o", run(name), "--quiet"};
+    for (const char* set :
+         {"train.iterations=60", "train.checkpoint_every=20", "init.background=400",
+          "init.dynamic=300", "density.cap=5000", "nodes.count=16", "motion.sh_degree=0"}) {
+      arguments.push_back("--set");
+      arguments.push_back(set);
+    }
+    return arguments;
+  }
+  static HostModel model_of(const std::string& name) {
+    return read_model(RunFolder(run(name)).model_path(60));
+  }
+
+  static TemporaryFolder* folder_;
+  static RoomVideo* room_;
+
+ private:
+  static std::string frame_text(const Camera& camera, int k) {
+    const Eigen::Matrix3d r = camera.viewmat.topLeftCorner<3, 3>().transpose();
+    const Eigen::Vector3d p = camera.position();
+    std::string rows;
+    for (int i = 0; i < 3; ++i)  // OpenGL axes
+      rows += fmt::format("[{},{},{},{}],", r(i, 0), -r(i, 1), -r(i, 2), p[i]);
+    return fmt::format(
+        R"({{"file_path": "images/{:02}", "time": {}, "transform_matrix": [{}[0,0,0,1]]}})", k,
+        double(k) / (RoomVideo::frames - 1), rows);
+  }
+};
+TemporaryFolder* MovingCameraCommand::folder_ = nullptr;
+RoomVideo* MovingCameraCommand::room_ = nullptr;
+
+TEST_F(MovingCameraCommand, WritesMasksOfWhatMoves) {
+  Scene scene;
+  for (const auto& entry : std::filesystem::directory_iterator(run("whole") + "/moving")) {
+    Frame frame;
+    frame.name = entry.path().stem().string();
+    scene.train.push_back(frame);
+  }
+  ASSERT_EQ(scene.train.size(), size_t(RoomVideo::frames));
+  std::sort(scene.train.begin(), scene.train.end(),
+            [](const Frame& a, const Frame& b) { return a.name < b.name; });
+  std::vector<Mask> masks;
+  for (auto& [name, mask] : read_motion_masks(run("whole") + "/moving", scene))
+    masks.push_back(mask);
+  EXPECT_GT(overlap(masks, room_->truth.moving), 0.6);
+}
+
+TEST_F(MovingCameraCommand, OnlyWhatMovesMayMove) {
+  Queue queue = test_queue();
+  const HostModel host = model_of("whole");
+  EXPECT_GT(host.num_moving(), 50u);
+  EXPECT_GT(host.count, 5 * host.num_moving());
+  Model model(queue, host);
+  GaussiansAt first, last;
+  model.motion->at(queue, model.parameters, 0, nullptr, first);
+  model.motion->at(queue, model.parameters, model.shape.duration, nullptr, last);
+  const std::vector<float> a = first.means.read(queue), b = last.means.read(queue);
+  double moved = 0;
+  const size_t moving = host.num_moving();
+  EXPECT_TRUE(std::equal(a.begin() + long(3 * moving), a.end(), b.begin() + long(3 * moving)));
+  for (size_t i = 0; i < moving; ++i) moved += double(b[3 * i] - a[3 * i]);
+  EXPECT_NEAR(moved / double(moving), 0.05 * 15, 0.3);
+}
+
+TEST_F(MovingCameraCommand, ResumesWithTheSameBytes) {
+  const Command command(train("stopped"));
+  const std::string checkpoint = RunFolder(run("stopped")).checkpoints().path(20);
+  ASSERT_TRUE(wait_until([&] { return fs::exists(checkpoint); }));
+  command.send(SIGTERM);
+  EXPECT_NE(command.wait().code, 0);
+  const Outcome resumed = gflow({"train", "-o", run("stopped"), "--resume", "--quiet"});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_EQ(model_of("stopped").groups, model_of("whole").groups);
+}
+
+}  // namespace
+}  // namespace gflow
