@@ -44,7 +44,7 @@ void print_report(const Evaluation& evaluation, const RunFacts& facts) {
     row("3D track error", tracks->mean, 4, " scene units");
     if (tracks->seen) row("  of points seen in training", tracks->seen->mean, 4, " scene units");
     if (tracks->from_view)
-      row("  from where the model has them", *tracks->from_view, 4, " scene units");
+      row("  median from what is shown", *tracks->from_view, 4, " scene units");
     row("  of a model without motion", tracks->still, 4, " scene units");
   }
   row("Gaussians", double(evaluation.gaussians), 0, "");

@@ -215,16 +215,20 @@ double track_error_from_view(Queue& queue, Model& model, const Tracks& tracks, c
           (camera.position() + double(depth[at] / alpha[at]) * camera.ray(pixel)).cast<float>();
   }
   const double steps = double(tracks.steps);
-  double sum = 0;
-  for (size_t step = 0;; ++step) {
+  std::vector<double> distances(tracks.points);
+  for (size_t step = 0; step < tracks.steps; ++step) {
+    if (step > 0) {
+      const std::vector<Carrier> before =
+          carriers(queue, model, model.time(double(step - 1) / (steps - 1)),
+                   model.time(double(step) / (steps - 1)));
+      for (Eigen::Vector3f& point : points) carried(before, point);
+    }
     for (size_t k = 0; k < tracks.points; ++k)
-      sum +=
-          double((points[k] - point_at(tracks, step, k)).norm()) / (steps * double(tracks.points));
-    if (step + 1 == tracks.steps) return sum;
-    const std::vector<Carrier> now = carriers(queue, model, model.time(double(step) / (steps - 1)),
-                                              model.time(double(step + 1) / (steps - 1)));
-    for (Eigen::Vector3f& point : points) carried(now, point);
+      distances[k] += double((points[k] - point_at(tracks, step, k)).norm()) / steps;
   }
+  const auto middle = distances.begin() + long(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
 }
 
 }  // namespace gflow

@@ -46,8 +46,8 @@ struct TrackError {
     std::vector<double> by_step, motion_by_step;  // as above; NaN if none is seen
   };
   std::optional<Seen> seen;
-  // Mean distance if each point starts where the model has it: images of one camera at a time do
-  // not tell how far away a thing that moves is. Without drift or error of depth it is 0.
+  // Median over the points of their mean distance, as `median`, if each point starts where the model
+  // shows it: images of one camera at a time do not tell how far away a thing that moves is.
   std::optional<double> from_view;
 };
 

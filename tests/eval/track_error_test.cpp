@@ -58,6 +58,23 @@ TEST(TrackError, IsNoneOnTheTruePathsAndThePathsLengthWhereNothingMoves) {
   for (size_t k = 0; k < steps; ++k) EXPECT_NEAR(all.by_step[k], 0.2 * double(k) * 2 / 3, 1e-5);
 }
 
+// A model that has the ball too far away by 1, but shows it at the same pixels.
+TEST(TrackError, FromTheViewIsThatOfDepthAndMotion) {
+  Queue queue = test_queue();
+  Tracks tracks{5, 1, {}, {}};
+  for (size_t k = 0; k < 5; ++k)
+    for (const float x : {0.4f * 2 * float(k) / 4, 0.f, -1.f}) tracks.xyz.push_back(x);
+  Camera camera;
+  camera.width = camera.height = 64;
+  camera.fx = camera.fy = 60, camera.cx = camera.cy = 32;
+  camera.viewmat(2, 3) = 5;
+  Model model(queue, moving_ball({.4, 0, 0}, 0, 100));
+  EXPECT_EQ(track_error(queue, model, tracks).lost, 1);
+  EXPECT_NEAR(track_error_from_view(queue, model, tracks, camera, 0.1f), 1, 1e-4);
+  Model still(queue, moving_ball({0, 0, 0}, 0, 100));
+  EXPECT_GT(track_error_from_view(queue, still, tracks, camera, 0.1f), 1.05);
+}
+
 TEST(TrackError, ATurningGaussianTakesItsPointsAround) {
   Queue queue = test_queue();
   Model model(queue, moving_ball({0, 0, 0}, 1, 100));  // quaternion (1, 0, 0, t): angle 2 atan t
