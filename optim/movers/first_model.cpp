@@ -98,7 +98,8 @@ MovingScene moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
   set_static(model.shape, model.groups, model.count, uint32_t(options.train.seed));
   if (const auto place = motion_model_of(model.shape.motion).place)
     place(model.shape, model.groups, 0, model.moving);
-  if (paths.count() > 0) follow_paths(queue, model, paths, scene, options);
+  if (paths.count() > 0)
+    follow_paths(queue, model, paths, scene, options, begin("paths", kStepsOnPaths));
   MotionMasks masks;
   for (size_t i = 0; i < video.size(); ++i)
     masks.emplace_back(video.frames[i]->name, background.moving[i]);

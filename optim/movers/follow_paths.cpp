@@ -10,7 +10,6 @@
 namespace gflow {
 namespace {
 
-constexpr int kSteps = 3000;
 constexpr size_t kLearntFrom = 1500;  // paths, at most
 constexpr float kUnseen = 0.1f;       // weight of a place that was not seen
 constexpr float kFitWeight = 100;     // of the mean squared distance [extents], against rigidity
@@ -35,7 +34,7 @@ Parameters parameters_of(Queue& queue, const Motion& motion, const HostModel& mo
 
 // Trains what Gaussians share, and not the Gaussians, on the places of paths at single frames.
 void train_field(Queue& queue, HostModel& model, const Paths& paths, const Scene& scene,
-                 const TrainOptions& options) {
+                 const TrainOptions& options, const ProgressCallback& progress) {
   const auto motion = make_motion(queue, model.shape);
   const size_t stride = (paths.count() + kLearntFrom - 1) / kLearntFrom;
   Parameters p = parameters_of(queue, *motion, model, paths.count(), stride);
@@ -48,7 +47,7 @@ void train_field(Queue& queue, HostModel& model, const Paths& paths, const Scene
   GaussiansAt at;
   std::vector<float> v(3 * n);
   const float weight = 2 * kFitWeight / float(double(n) * scene.extent * scene.extent);
-  for (int step = 0; step < kSteps; ++step) {
+  for (size_t step = 0; step < kStepsOnPaths; ++step) {
     const uint any = random_bits(uint(options.train.seed), streams::kPathFrames, uint(step));
     const size_t frame = any % paths.frames();
     const float t = float(paths.times[frame]) * model.shape.duration;
@@ -62,7 +61,7 @@ void train_field(Queue& queue, HostModel& model, const Paths& paths, const Scene
     }
     v_means.write(queue, v);
     motion->backward(queue, p, t, true, all, v_means, v_factors, v_opacities);
-    const float fade = float(0.5 + 0.5 * std::cos(M_PI * step / kSteps));
+    const float fade = float(0.5 + 0.5 * std::cos(M_PI * double(step) / kStepsOnPaths));
     for (Table& table : p.more) {
       for (ParameterGroup& group : table.groups)
         adam.refuse(queue, group, table.rows, table.active);
@@ -74,6 +73,7 @@ void train_field(Queue& queue, HostModel& model, const Paths& paths, const Scene
         adam.step(queue, table.groups[g], table.rows, table.active, rate);
       }
     }
+    if (progress) progress(step + 1, kStepsOnPaths);
   }
   for (const Table& table : p.more)
     for (const ParameterGroup& group : table.groups)
@@ -95,8 +95,9 @@ std::array<double, 3> velocity_of(const Paths& paths, size_t i, float duration) 
 }  // namespace
 
 void follow_paths(Queue& queue, HostModel& model, const Paths& paths, const Scene& scene,
-                  const TrainOptions& options) {
-  if (is_permanent(model.shape.motion)) return train_field(queue, model, paths, scene, options);
+                  const TrainOptions& options, const ProgressCallback& progress) {
+  if (is_permanent(model.shape.motion))
+    return train_field(queue, model, paths, scene, options, progress);
   const float duration = model.shape.duration;
   for (size_t i = 0; i < paths.count(); ++i)
     set_velocity(model.shape, model.groups, i, velocity_of(paths, i, duration),

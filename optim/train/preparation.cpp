@@ -16,6 +16,7 @@
 #include "optim/movers/first_model.hpp"
 #include "optim/objectives/depth_objective.hpp"
 #include "optim/options/scene_defaults.hpp"
+#include "optim/scene/depths.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/summary.hpp"
 #include "optim/train/train.hpp"
@@ -136,12 +137,26 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
   return flows;
 }
 
+// The median depth of the scene's points in view, over the training images; 0 without points.
+double usual_depth(const Scene& scene) {
+  std::vector<double> depths;
+  const size_t stride = std::max<size_t>(1, scene.train.size() / 20);
+  for (size_t i = 0; i < scene.train.size(); i += stride)
+    depths.push_back(median_depth_of_points(scene, scene.train[i].camera));
+  std::nth_element(depths.begin(), depths.begin() + long(depths.size() / 2), depths.end());
+  return depths[depths.size() / 2];
+}
+
 // Where what rests and the paths of what moves are known before the first step, training few frames
-// first would gain nothing, and large steps of the field would lose the paths.
+// first would gain nothing, and large steps of the field would lose the paths. A hand moves a
+// camera little compared with the size of what it films, so Gaussians are large for the extent.
+// More than one step on what moves for each on a whole image fits it to single images.
 TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
   if (!begins_with_background(scene, config)) return config;
   config.motion.hexplane.warmup = 0;
   config.motion.hexplane.curriculum = 0;
+  config.train.focus = std::min(config.train.focus, 1);
+  config.density.prune_scale *= float(std::max(1.0, usual_depth(scene) / scene.extent));
   LearningRateOptions& lr = config.lr;
   for (float* rate : {&lr.planes, &lr.planes_final, &lr.network, &lr.network_final}) *rate *= 0.1f;
   return config;
