@@ -36,18 +36,19 @@ TEST(Movers, OneThatBarelyMovesIsWhereItsRaysMeet) {
   EXPECT_LT(depth_error(room, movers[0]), 0.05);
 }
 
-// What moves with the camera would be beyond the wall if only its motion mattered.
+// The camera moves by 0.09 per frame. The rays of what moves beside it at half of that speed meet
+// twice as far away, beyond the wall.
 TEST(Movers, NoneIsBehindWhatItHides) {
-  const RoomVideo room({0.3, 0, 0});
+  const RoomVideo room({0.05, 0, 0});
   const auto movers = movers_of(room.video, room.truth, neighbour_flows(room.video));
-  ASSERT_GE(movers.size(), 1u);
+  ASSERT_EQ(movers.size(), 1u);
   for (size_t k = 0; k < room.depths.size(); ++k) {
-    if (movers[0].depths[k] == 0) continue;  // out of view
-    float wall = 0;
+    std::vector<float> hidden;
     for (size_t i = 0; i < room.depths[k].size(); ++i)
-      if (room.truth.moving[k].pixels[i]) wall = std::max(wall, room.truth.depths[k][i]);
-    EXPECT_LT(movers[0].depths[k], double(wall)) << k;
-    EXPECT_GT(movers[0].depths[k], 0) << k;
+      if (room.truth.moving[k].pixels[i]) hidden.push_back(room.truth.depths[k][i]);
+    std::sort(hidden.begin(), hidden.end());
+    EXPECT_LT(movers[0].depths[k], double(hidden[hidden.size() / 5])) << k;
+    EXPECT_GT(movers[0].depths[k], 0.5 * double(hidden[0])) << k;
   }
 }
 
