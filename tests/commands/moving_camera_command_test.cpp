@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow train` on the images of one moving camera, from poses to a model in which little moves.
 #include "optim/movers/motion_masks.hpp"
+#include "tests/support/blender_frame.hpp"
 #include "tests/support/command.hpp"
 #include "tests/support/room_video.hpp"
 #include "tests/support/small_scene.hpp"
@@ -17,7 +18,9 @@ class MovingCameraCommand : public testing::Test {
     for (int k = 0; k < RoomVideo::frames; ++k) {
       write_png(folder_->file(fmt::format("scene/images/{:02}.png", k)),
                 room_->video.images[size_t(k)]);
-      frames += (k ? "," : "") + frame_text(room_->video.cameras[size_t(k)], k);
+      frames += (k ? "," : "") + blender_frame(room_->video.cameras[size_t(k)],
+                                               fmt::format("images/{:02}", k),
+                                               room_->all[size_t(k)].time);
     }
     folder_->write("scene/transforms_train.json",
                    fmt::format(R"({{"fl_x": {}, "w": {}, "h": {}, "frames": [{}]}})",
@@ -46,18 +49,6 @@ class MovingCameraCommand : public testing::Test {
 
   static TemporaryFolder* folder_;
   static RoomVideo* room_;
-
- private:
-  static std::string frame_text(const Camera& camera, int k) {
-    const Eigen::Matrix3d r = camera.viewmat.topLeftCorner<3, 3>().transpose();
-    const Eigen::Vector3d p = camera.position();
-    std::string rows;
-    for (int i = 0; i < 3; ++i)  // OpenGL axes
-      rows += fmt::format("[{},{},{},{}],", r(i, 0), -r(i, 1), -r(i, 2), p[i]);
-    return fmt::format(
-        R"({{"file_path": "images/{:02}", "time": {}, "transform_matrix": [{}[0,0,0,1]]}})", k,
-        double(k) / (RoomVideo::frames - 1), rows);
-  }
 };
 TemporaryFolder* MovingCameraCommand::folder_ = nullptr;
 RoomVideo* MovingCameraCommand::room_ = nullptr;

@@ -433,7 +433,8 @@ TEST(StaticDetection, EvidenceOfDensityControlGoesWithItsRows) {
 }
 
 // Row 0 is dynamic, rows 1 and 2 are static; the last one grows.
-TEST(StaticDetection, WhatGrowsMoves) {
+// One dynamic Gaussian and two static ones, of which those with a gradient v_means2d grow.
+StaticSpacetime grown(const std::vector<float>& v_means2d, bool wakes) {
   StaticSpacetime made({{5}, {0}, {0}});
   made.p["logit_opacities"].values.fill(made.queue, 1);
   made.refine();
@@ -442,10 +443,16 @@ TEST(StaticDetection, WhatGrowsMoves) {
   rule.grad_threshold = 1;
   rule.prune_scale = 10;
   rule.split.split_scale = 1;
+  rule.wakes = wakes;
   const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
-  const Buffer<float> v(made.queue, {0, 0, 0, 0, 9, 0}, "v_means2d");
+  const Buffer<float> v(made.queue, v_means2d, "v_means2d");
   density.see(made.queue, made.p, {2, 2, {}, touched, v});
   density.refine(made.queue, made.p, *made.motion, rule, 1);
+  return made;
+}
+
+TEST(StaticDetection, WhatGrowsMoves) {
+  StaticSpacetime made = grown({0, 0, 0, 0, 9, 0}, true);
   ASSERT_EQ(made.p.count, 4u);
   EXPECT_EQ(made.p.moving, 3u);
   const std::vector<float> means = made.values("means");
@@ -455,19 +462,7 @@ TEST(StaticDetection, WhatGrowsMoves) {
 }
 
 TEST(StaticDetection, WithoutItWhatGrowsFromAStaticGaussianIsStatic) {
-  StaticSpacetime made({{5}, {0}, {0}});
-  made.p["logit_opacities"].values.fill(made.queue, 1);
-  made.refine();
-  AdcDensity density(made.queue);
-  DensityRule rule = quiet_rule();
-  rule.grad_threshold = 1;
-  rule.prune_scale = 10;
-  rule.split.split_scale = 1;
-  rule.wakes = false;
-  const Buffer<cl_uint> touched(made.queue, {1, 1, 1}, "tiles");
-  const Buffer<float> v(made.queue, {9, 0, 0, 0, 9, 0}, "v_means2d");
-  density.see(made.queue, made.p, {2, 2, {}, touched, v});
-  density.refine(made.queue, made.p, *made.motion, rule, 1);
+  StaticSpacetime made = grown({9, 0, 0, 0, 9, 0}, false);
   ASSERT_EQ(made.p.count, 5u);
   EXPECT_EQ(made.p.moving, 2u);
   EXPECT_EQ(made.values("velocities"), (std::vector<float>{5, 0, 0, 5, 0, 0}));

@@ -4,6 +4,7 @@
 
 #include "optim/eval/evaluation.hpp"
 #include "optim/eval/views.hpp"
+#include "tests/support/blender_frame.hpp"
 #include "tests/support/small_scene.hpp"
 
 namespace gflow {
@@ -39,7 +40,8 @@ class PanScene {
       const std::vector<float> rgb = renderer.images().rgb.read(queue);
       write_png(folder_.file(fmt::format("train/{}.png", k)),
                 image_of_rgb(camera.width, camera.height, rgb));
-      frames += (k ? "," : "") + frame_text(camera, k);
+      frames += (k ? "," : "") +
+                blender_frame(camera, fmt::format("train/{}", k), double(k) / (steps - 1));
     }
     for (const char* split : {"train", "test"})
       folder_.write(fmt::format("transforms_{}.json", split),
@@ -61,17 +63,6 @@ class PanScene {
     camera.viewmat.topLeftCorner<3, 3>() = turn.toRotationMatrix();
     camera.viewmat.topRightCorner<3, 1>() = turn * Eigen::Vector3d(0, 0, 3);
     return camera;
-  }
-
-  static std::string frame_text(const Camera& camera, int k) {
-    const Eigen::Matrix3d r = camera.viewmat.topLeftCorner<3, 3>().transpose();
-    const Eigen::Vector3d p = camera.position();
-    std::string rows;
-    for (int i = 0; i < 3; ++i)  // OpenGL axes
-      rows += fmt::format("[{},{},{},{}],", r(i, 0), -r(i, 1), -r(i, 2), p[i]);
-    return fmt::format(
-        R"({{"file_path": "train/{}", "time": {}, "transform_matrix": [{}[0,0,0,1]]}})", k,
-        double(k) / (steps - 1), rows);
   }
 
   TemporaryFolder folder_;
