@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "runtime/base/parallel.hpp"
 
@@ -134,46 +135,62 @@ std::vector<double> steadied(const std::vector<double>& bounds) {
 // the other's.
 struct CarriedRays {
   size_t from, to;
-  Eigen::Vector3d ray = Eigen::Vector3d::Zero(), ray_to = ray;
+  Eigen::Vector3d ray, ray_to;
 };
 
-std::vector<CarriedRays> carried_rays(const SmallVideo& video, const Mover& mover) {
+bool any(const Mask& mask) {
+  return std::any_of(mask.pixels.begin(), mask.pixels.end(), [](uint8_t x) { return x; });
+}
+
+// Those of a mover between two frames; nothing if flow carries too few pixels.
+std::optional<CarriedRays> rays_between(const SmallVideo& video, const Mover& mover, size_t from,
+                                        size_t to, const TargetFlow& flow) {
   constexpr int least = 30;  // pixels
-  std::vector<CarriedRays> all;
-  for (const size_t span : kMotionSpans)
-    for (size_t i = 0; i + span < video.size(); ++i) all.push_back({i, i + span});
-  std::vector<int> counts(all.size());
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero(), sum_to = Eigen::Vector2d::Zero();
+  int count = 0;
   const int w = video.width(), h = video.height();
-  for_each_parallel(all.size(), num_cores(), [&](size_t k) {
-    CarriedRays& rays = all[k];
-    const Mask &mask = mover.masks[rays.from], &mask_to = mover.masks[rays.to];
-    const auto any = [](const Mask& m) {
-      return std::any_of(m.pixels.begin(), m.pixels.end(), [](uint8_t x) { return x; });
-    };
-    if (!any(mask) || !any(mask_to)) return;
-    const TargetFlow flow = quick_flows(video, rays.from, rays.to).first;
-    Eigen::Vector2d sum = Eigen::Vector2d::Zero(), sum_to = Eigen::Vector2d::Zero();
-    for (int y = 0; y < h; ++y)
-      for (int x = 0; x < w; ++x) {
-        const long at = mask.at(x, y) ? carried(flow, x, y) : -1;
-        if (at < 0 || !mask_to.pixels[size_t(at)]) continue;
-        const float* uv = &flow.flow.uv[2 * (size_t(y) * size_t(w) + size_t(x))];
-        sum += Eigen::Vector2d(x + 0.5, y + 0.5);
-        sum_to += Eigen::Vector2d(x + 0.5 + double(uv[0]), y + 0.5 + double(uv[1]));
-        ++counts[k];
-      }
-    rays.ray = video.cameras[rays.from].ray(sum / counts[k]);
-    rays.ray_to = video.cameras[rays.to].ray(sum_to / counts[k]);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      const long at = mover.masks[from].at(x, y) ? carried(flow, x, y) : -1;
+      if (at < 0 || !mover.masks[to].pixels[size_t(at)]) continue;
+      const float* uv = &flow.flow.uv[2 * (size_t(y) * size_t(w) + size_t(x))];
+      sum += Eigen::Vector2d(x + 0.5, y + 0.5);
+      sum_to += Eigen::Vector2d(x + 0.5 + double(uv[0]), y + 0.5 + double(uv[1]));
+      ++count;
+    }
+  if (count < least) return std::nullopt;
+  return CarriedRays{from, to, video.cameras[from].ray(sum / count),
+                     video.cameras[to].ray(sum_to / count)};
+}
+
+// Those of each mover, between frames kMotionSpans apart.
+std::vector<std::vector<CarriedRays>> carried_rays(const SmallVideo& video,
+                                                   const std::vector<Mover>& movers) {
+  std::vector<std::pair<size_t, size_t>> pairs;
+  for (const size_t span : kMotionSpans)
+    for (size_t i = 0; i + span < video.size(); ++i) pairs.emplace_back(i, i + span);
+  std::vector<std::vector<std::optional<CarriedRays>>> found(pairs.size());
+  for_each_parallel(pairs.size(), num_cores(), [&](size_t k) {
+    const auto [from, to] = pairs[k];
+    found[k].resize(movers.size());
+    std::optional<TargetFlow> flow;
+    for (size_t m = 0; m < movers.size(); ++m) {
+      if (!any(movers[m].masks[from]) || !any(movers[m].masks[to])) continue;
+      if (!flow) flow = quick_flows(video, from, to).first;
+      found[k][m] = rays_between(video, movers[m], from, to, *flow);
+    }
   });
-  std::vector<CarriedRays> found;
-  for (size_t k = 0; k < all.size(); ++k)
-    if (counts[k] >= least) found.push_back(all[k]);
-  return found;
+  std::vector<std::vector<CarriedRays>> rays(movers.size());
+  for (const auto& of_pair : found)
+    for (size_t m = 0; m < movers.size(); ++m)
+      if (of_pair[m]) rays[m].push_back(*of_pair[m]);
+  return rays;
 }
 
 // The depths at the frames where the mover is in view, by least squares with the bounds that would
 // be exceeded as equations.
 std::vector<double> depths_of(const SmallVideo& video, const Mover& mover,
+                              const std::vector<CarriedRays>& all_rays,
                               const StillBackground& background) {
   const size_t n = video.size();
   std::vector<double> bounds(n);
@@ -191,7 +208,7 @@ std::vector<double> depths_of(const SmallVideo& video, const Mover& mover,
   const long m = long(frames.size());
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(m, m);
   Eigen::VectorXd right = Eigen::VectorXd::Zero(m);
-  for (const CarriedRays& rays : carried_rays(video, mover)) {
+  for (const CarriedRays& rays : all_rays) {
     const long a = variable[rays.from], b = variable[rays.to];
     if (a < 0 || b < 0) continue;
     const double apart = double(rays.to - rays.from), weight = 1 / (apart * apart);
@@ -249,7 +266,9 @@ NeighbourFlows neighbour_flows(const SmallVideo& video) {
 std::vector<Mover> movers_of(const SmallVideo& video, const StillBackground& background,
                              const NeighbourFlows& flows) {
   std::vector<Mover> movers = chains_of(video, background.moving, flows);
-  for (Mover& mover : movers) mover.depths = depths_of(video, mover, background);
+  const auto rays = carried_rays(video, movers);
+  for (size_t m = 0; m < movers.size(); ++m)
+    movers[m].depths = depths_of(video, movers[m], rays[m], background);
   return movers;
 }
 

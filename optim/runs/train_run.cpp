@@ -16,6 +16,7 @@
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
 #include "runtime/base/usage.hpp"
+#include "runtime/base/warning.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
@@ -208,7 +209,13 @@ Evaluation train_replacing(RunParts& parts) {
 
 Evaluation resume_training(RunParts& parts, CheckpointFolder::Found checkpoint) {
   prepare(parts, how_to_resume(parts.run, parts.config));
-  parts.prepared.set_motion_masks(read_motion_masks(parts.run.path("moving"), parts.scene()));
+  MotionMasks masks = read_motion_masks(parts.run.path("moving"), parts.scene());
+  if (masks.empty() && begins_with_background(parts.scene(), parts.config))
+    warn(
+        fmt::format("{} lacks motion masks that the run began with: training continues without "
+                    "focus on what moves",
+                    parts.run.path("moving")));
+  parts.prepared.set_motion_masks(std::move(masks));
   Model model(parts.queue, shape_to_resume(checkpoint, parts.scene(), parts.config, parts.run), 0);
   const auto renew = [&] {
     write_first_files(parts.run, parts);
