@@ -28,6 +28,7 @@ void print_report(const Evaluation& evaluation, const RunFacts& facts) {
                : evaluation.flow_reference == "dis" ? ", flow compared with that of DIS"
                                                     : "");
   row("PSNR", m.psnr, 2, " dB");
+  row("  before cameras were fitted", m.psnr_unfitted, 2, " dB");
   row("PSNR with matched colours", m.psnr_matched, 2, " dB");
   row("PSNR of moving pixels", m.psnr_dynamic, 2, " dB");
   row("SSIM", m.ssim, 4, "");

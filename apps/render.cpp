@@ -16,6 +16,7 @@
 #include "apps/common/output_path.hpp"
 #include "optim/eval/rendering.hpp"
 #include "optim/images/movie.hpp"
+#include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/cameras_json.hpp"
 #include "runtime/base/interrupt.hpp"
@@ -73,6 +74,9 @@ Source find_source(const RenderFlags& flags) {
     const bool unpacked = source.run && source.config.scene.resolution == own_resolution;
     source.loaded = load_scene(source.config.scene, unpacked ? source.run->path("frames") : "",
                                source.model.shape.origin);
+    if (source.run && flags.scene.empty() &&
+        refines_cameras(source.config.cameras, source.loaded->scene))
+      source.run->move_cameras(*source.loaded->frames);
   }
   return source;
 }

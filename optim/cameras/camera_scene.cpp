@@ -159,6 +159,7 @@ class SceneWriter {
   // Camera axes there are x right, y up, z backward.
   void write_transforms() const {
     nlohmann::ordered_json json{{"camera_model", "OPENCV"},
+                                {"estimated", true},  // not an entry of nerfstudio
                                 {"w", size().width},
                                 {"h", size().height},
                                 {"fl_x", path_.lens.focal},

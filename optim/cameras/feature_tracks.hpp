@@ -20,9 +20,9 @@ struct FeatureTrack {
 };
 
 // Follows corners through the flow between neighbouring frames. Each position is corrected by
-// comparing the image around it with an earlier image of it, up to sixteen frames ago, so that errors
-// of flow do not add up. A track ends where flow is not confident or the images differ. New ones
-// start wherever there are none, so about `most` are alive in each frame.
+// comparing the image around it with an earlier image of it, up to sixteen frames ago, so that
+// errors of flow do not add up. A track ends where flow is not confident or the images differ. New
+// ones start wherever there are none, so about `most` are alive in each frame.
 class FeatureTracker {
  public:
   explicit FeatureTracker(int most = 1200);

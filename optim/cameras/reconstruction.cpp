@@ -47,8 +47,24 @@ class Reconstruction {
     return std::move(path_);
   }
 
+  // Starts with all poses. Errors of 40 px are expected, then less and less.
+  CameraPath run(const SharedLens& lens, const std::vector<Eigen::Isometry3d>& poses) {
+    path_.lens = lens;
+    path_.poses.assign(poses.begin(), poses.end());
+    size_t done = 0;
+    for (const double wide : {20., 10., 5., 2.5, 1., 1.}) {
+      tolerance_ = wide;
+      for (auto& point : path_.points) point.reset();
+      triangulate();
+      adjust(wide < 5, 30);
+      reject();
+      if (options_.progress) options_.progress(++done, 6);
+    }
+    return std::move(path_);
+  }
+
  private:
-  double most_error() const { return 2 * scale_; }  // of an observation in use [px]
+  double most_error() const { return 2 * tolerance_ * scale_; }  // of an observation in use [px]
 
   // A frame is a keyframe if a quarter of the image moved by 3 % of its diagonal since the last
   // one, or many tracks have ended.
@@ -83,7 +99,7 @@ class Reconstruction {
     BundleOptions how;
     how.refine_focal = refine_focal && options_.focal == 0;
     how.refine_k1 = refine_focal && options_.radial;
-    how.robust_px = 0.3 * scale_;
+    how.robust_px = 0.3 * tolerance_ * scale_;
     how.iterations = iterations;
     adjust_bundle(tracks_, how, path_);
   }
@@ -332,7 +348,8 @@ class Reconstruction {
 
   const std::vector<FeatureTrack>& tracks_;
   const ReconstructionOptions& options_;
-  double scale_;  // of tolerances in pixels
+  double scale_;          // of tolerances in pixels
+  double tolerance_ = 1;  // likewise, while poses are still wrong
   std::vector<int> keyframes_;
   CameraPath path_;
 };
@@ -352,6 +369,12 @@ CameraPath reconstruct(const std::vector<FeatureTrack>& tracks,
     if (round == kMostRounds || std::fabs(path.lens.focal / focal - 1) < kSameFocal) return path;
     focal = path.lens.focal;
   }
+}
+
+CameraPath adjusted(const std::vector<FeatureTrack>& tracks, const SharedLens& lens,
+                    const std::vector<Eigen::Isometry3d>& poses,
+                    const ReconstructionOptions& options) {
+  return Reconstruction(tracks, options).run(lens, poses);
 }
 
 ReprojectionStatistics statistics_of(const std::vector<FeatureTrack>& tracks,

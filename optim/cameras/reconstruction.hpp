@@ -20,6 +20,12 @@ struct ReconstructionOptions {
 CameraPath reconstruct(const std::vector<FeatureTrack>& tracks,
                        const ReconstructionOptions& options);
 
+// Adjusts poses that are right to a few degrees, one for each frame, and the lens to the tracks.
+// World and scale stay those of the poses, on average.
+CameraPath adjusted(const std::vector<FeatureTrack>& tracks, const SharedLens& lens,
+                    const std::vector<Eigen::Isometry3d>& poses,
+                    const ReconstructionOptions& options);
+
 // How far the observations in use are from the projections [px].
 struct ReprojectionStatistics {
   double median = 0, mean = 0;

@@ -2,13 +2,17 @@
 #include "optim/eval/evaluation.hpp"
 
 #include <cmath>
+#include <set>
 #include <utility>
 
+#include "optim/eval/camera_fit.hpp"
 #include "optim/eval/metric_networks.hpp"
 #include "optim/eval/shown_images.hpp"
 #include "optim/flow/estimated_flow.hpp"
 #include "optim/loss/metrics.hpp"
+#include "optim/objectives/camera_objective.hpp"
 #include "optim/scene/depth_map.hpp"
+#include "optim/scene/depths.hpp"
 #include "runtime/base/warning.hpp"
 #include "shared/loss.h"
 
@@ -119,11 +123,37 @@ class Evaluator {
     result_.clip_model = config.metrics.clip;
   }
 
+  // Fits the cameras to their images, each to its first one here. Before all add().
+  void fit_cameras() {
+    std::set<int> fitted;
+    unfitted_.assign(frames_.size(), kNotMeasured);
+    for (size_t i = 0; i < frames_.size(); ++i) {
+      const Frame& frame = frames_[i];
+      if (!fitted.insert(frame.camera).second) continue;
+      const Camera camera = store_.camera(frame);
+      const auto truth = store_.rgb(frame);
+      const auto counted = store_.counted(frame);
+      const Shot shot = shot_of(frame, camera, {});
+      renderer_.forward(queue_, model_, shot);
+      unfitted_[i] = psnr(PlanarImage::from_planes(camera.width, camera.height,
+                                                   renderer_.images().rgb.read(queue_)),
+                          PlanarImage::from_bytes(camera.width, camera.height, truth->pixels),
+                          counted ? counted->pixels : std::vector<uint8_t>{});
+      const double focal =
+          camera.fx / reduced(scene_.cameras[size_t(frame.camera)], config_.scene.resolution).fx;
+      store_.move_camera(size_t(frame.camera),
+                         fitted_pose(queue_, model_, renderer_, shot, camera,
+                                     depth_of_scene(scene_, frame.camera), *truth, counted.get()),
+                         focal);
+    }
+    result_.fitted_cameras = true;
+  }
+
   void add(size_t i) {
     const Frame& frame = frames_[i];
     const Camera& camera = store_.camera(frame);
     Reference reference = reference_of_view(i);
-    draw(frame, camera, reference);
+    renderer_.forward(queue_, model_, shot_of(frame, camera, reference));
     const PlanarImage truth =
         PlanarImage::from_bytes(camera.width, camera.height, store_.rgb(frame)->pixels);
     const std::vector<float> planes = renderer_.images().rgb.read(queue_);
@@ -144,6 +174,7 @@ class Evaluator {
     view.name = frame.name;
     view.step = frame.step;
     view.time = frame.time;
+    if (!unfitted_.empty()) view.psnr_unfitted = unfitted_[i];
     evaluate_image(view, image, truth, reference,
                    counted ? counted->pixels : std::vector<uint8_t>{});
     evaluate_flow(view, reference, i);
@@ -200,7 +231,7 @@ class Evaluator {
     return reference;
   }
 
-  void draw(const Frame& frame, const Camera& camera, const Reference& reference) {
+  Shot shot_of(const Frame& frame, const Camera& camera, const Reference& reference) const {
     const bool moves = reference.next && !reference.true_flow;  // the camera may have moved
     const float level = float(shown_level(config_.scene.background)) / 255;
     Shot shot;
@@ -211,7 +242,7 @@ class Evaluator {
     shot.flow = !reference.empty();
     shot.depth = has_true_depth(frame, config_.scene);
     shot.background = {level, level, level};
-    renderer_.forward(queue_, model_, shot);
+    return shot;
   }
 
   static void evaluate_image(ViewMetrics& view, const PlanarImage& image, const PlanarImage& truth,
@@ -269,6 +300,7 @@ class Evaluator {
   const float near_;
   const size_t stride_;  // every stride_-th view uses DIS
   std::optional<Before> before_;
+  std::vector<double> unfitted_;  // PSNR of each view before its camera was fitted; empty: none was
   Evaluation result_;
 };
 
@@ -278,6 +310,7 @@ const std::vector<NamedMetric>& view_metrics() {
   static const std::vector<NamedMetric> metrics{
       {"psnr", &ViewMetrics::psnr},
       {"psnr_matched", &ViewMetrics::psnr_matched},
+      {"psnr_unfitted", &ViewMetrics::psnr_unfitted},
       {"ssim", &ViewMetrics::ssim},
       {"psnr_dynamic", &ViewMetrics::psnr_dynamic},
       {"ssim_dynamic", &ViewMetrics::ssim_dynamic},
@@ -297,6 +330,8 @@ Evaluation evaluate(Queue& queue, Model& model, const TrainOptions& config,
                     const ProgressCallback& progress, const std::string& folder,
                     const std::string& flow_folder) {
   Evaluator evaluator(queue, model, config, loaded, frames, folder, flow_folder);
+  if (refines_cameras(config.cameras, loaded.scene) && !are_training_images(loaded.scene, frames))
+    evaluator.fit_cameras();
   for (size_t i = 0; i < frames.size(); ++i) {
     evaluator.add(i);
     if (progress) progress(i + 1, frames.size());

@@ -14,6 +14,7 @@ namespace gflow {
 namespace {
 
 constexpr int kLeastSteps = 8;            // time steps of the video
+constexpr size_t kLeastAtRest = 500;      // points; of a usual video there are thousands
 constexpr double kBackgroundShare = 0.7;  // of density.cap
 constexpr float kOpacity = 0.8f;          // of Gaussians on paths
 constexpr float kSize = 0.7f;             // standard deviation, of the distance between paths
@@ -73,15 +74,16 @@ bool begins_with_background(const Scene& scene, const TrainOptions& options) {
   return poses.size() > scene.train.size() / 2;
 }
 
-MovingScene moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
-                         const TrainOptions& options, const TrainModel& train,
-                         const BeginStage& begin) {
+std::optional<MovingScene> moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
+                                        const TrainOptions& options, const TrainModel& train,
+                                        const BeginStage& begin) {
   TrainOptions config = with_scene_defaults(options, scene);
   const size_t cap = size_t(config.density.cap);
   config.density.cap = int(kBackgroundShare * double(cap));
   const SmallVideo video = small_video(scene, store);
   const Suspects suspects =
       suspects_of(video, size_t(config.init.count), begin("motion", video.size()));
+  if (suspects.points.size() < kLeastAtRest) return std::nullopt;
   const StillBackground background =
       background_of(queue, scene, store, video, suspects, config, train,
                     begin("background", size_t(config.init.background)));
@@ -103,7 +105,7 @@ MovingScene moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
   MotionMasks masks;
   for (size_t i = 0; i < video.size(); ++i)
     masks.emplace_back(video.frames[i]->name, background.moving[i]);
-  return {std::move(model), std::move(masks)};
+  return MovingScene{std::move(model), std::move(masks)};
 }
 
 }  // namespace gflow

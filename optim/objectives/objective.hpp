@@ -88,6 +88,9 @@ class Objective {
   virtual void add_pose_gradients(Queue&, const ViewContext&, const Renderer&, GaussianGradients&) {
   }
 
+  // After the last view of a step.
+  virtual void end_step(Queue&, const StepContext&) {}
+
   // Appends its terms of the last step to the report and adds them to its loss. Waits for the
   // queue.
   virtual void report(Queue&, const Renderer&, LossReport&) = 0;

@@ -70,6 +70,8 @@ struct LearningRateOptions {
   float sh_rest_divisor = 20;
   float opacity = 0.05f;
   float camera_color = 1e-3f;
+  float cameras = 3e-4f;
+  float cameras_final = 3e-6f;
   float scales = 5e-3f;
   float quats = 1e-3f;
   float quats_final = 1e-4f;
@@ -100,6 +102,12 @@ struct LearningRateOptions {
     field("opacity", self.opacity, "opacity, before the sigmoid", at_least(0));
     field("camera_color", self.camera_color, advanced("colours of cameras (loss.camera_color)"),
           at_least(0));
+    field("cameras", self.cameras,
+          advanced("cameras (cameras.refine) at the first step, angles and logarithm of the focal "
+                   "length [rad], shifts [x depth of the scene]"),
+          at_least(0));
+    field("cameras_final", self.cameras_final,
+          advanced("cameras at the last step, reached exponentially"), above(0));
     field("scales", self.scales, "logarithm of the scales in space and time", at_least(0));
     field("quats", self.quats, "rotation at the first step (native4d: both quaternions)",
           at_least(0));

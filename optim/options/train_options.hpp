@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "optim/cameras/camera_options.hpp"
 #include "optim/density/density_options.hpp"
 #include "optim/engine/settings.hpp"
 #include "optim/eval/metrics_options.hpp"
@@ -22,6 +23,7 @@ namespace gflow {
 
 struct TrainOptions {
   SceneOptions scene;
+  CameraOptions cameras;
   ScheduleOptions train;
   MotionOptions motion;
   InitOptions init;
@@ -41,6 +43,7 @@ struct TrainOptions {
   template <class Self, class Section>
   static void sections(Self& self, Section&& section) {
     section("scene", self.scene, "scene and how to read it");
+    section("cameras", self.cameras, "correction of the cameras");
     section("train", self.train, "schedule");
     section("motion", self.motion, "motion of the Gaussians");
     section("hexplane", self.motion.hexplane, "field of motion.model = hexplane");

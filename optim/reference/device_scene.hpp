@@ -4,7 +4,7 @@
 #pragma once
 #include <cstring>
 
-#include "optim/engine/engine.hpp"
+#include "optim/engine/camera_gradient.hpp"
 #include "optim/engine/posed.hpp"
 #include "optim/reference/scenes.hpp"
 #include "runtime/base/worse.hpp"
@@ -133,6 +133,13 @@ class DeviceScene {
     out["quats_t2"] = v_quats.read(queue_);
     out["scales_t2"] = v_scales.read(queue_);
     return out;
+  }
+
+  // Gradients by the cameras at t1 and t2 of the last backward().
+  std::vector<CameraSums> camera_gradients() {
+    CameraGradients cameras(queue_);
+    cameras.start(queue_, view_, channels_.flow, engine.splats(), t1_, t2_, gradients);
+    return cameras.take(queue_);
   }
 
   Engine engine;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "optim/engine/settings.hpp"
+#include "shared/camera_gradient.h"
 #include "shared/transport.h"
 
 namespace gflow::reference {
@@ -314,6 +315,24 @@ inline Rendering render(const Shot& shot, const Gaussians& g, const Contributors
 inline Gaussians render_vjp(const Shot& shot, const Gaussians& g, const Rendering& r,
                             const Planes& v) {
   return see_vjp(shot, g, r.seen, blend_vjp(shot, g, r.seen, r.contributors, r.images, v));
+}
+
+// Gradient by a camera, given those by the Gaussians that it shows: rotation, translation, log fx,
+// log fy.
+inline std::vector<double> camera_gradient_of(const PinholeCamera& camera,
+                                              const std::vector<double>& means,
+                                              const std::vector<double>& factors,
+                                              const std::vector<double>& v_means,
+                                              const std::vector<double>& v_factors) {
+  std::vector<double> sum(CAMERA_GRADIENT_SIZE);
+  for (size_t i = 0; 3 * i < means.size(); ++i) {
+    const CameraGradient g = camera_gradient(camera, row3(means, i), rows9(factors, i),
+                                             row3(v_means, i), rows9(v_factors, i));
+    const double all[] = {g.rotation.x,    g.rotation.y,    g.rotation.z, g.translation.x,
+                          g.translation.y, g.translation.z, g.log_fx,     g.log_fy};
+    for (size_t k = 0; k < sum.size(); ++k) sum[k] += all[k];
+  }
+  return sum;
 }
 
 }  // namespace gflow::reference

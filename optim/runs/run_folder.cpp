@@ -267,10 +267,24 @@ TrainOptions RunFolder::read_config() const {
   }
 }
 
-void RunFolder::write_cameras(const Scene& scene, float near) const {
-  std::vector<Camera> cameras = scene.cameras;
+void RunFolder::write_cameras(const FrameStore& frames, float near) const {
+  std::vector<Camera> cameras = frames.moved_cameras();
   for (Camera& camera : cameras) camera.near = double(near);
   write_file_atomically(path("cameras.json"), cameras_json(cameras));
+}
+
+void RunFolder::move_cameras(FrameStore& frames) const {
+  const std::vector<Camera> cameras = read_cameras_json(path("cameras.json"), 1);
+  const std::vector<Camera> start = frames.moved_cameras();
+  bool same = cameras.size() == start.size();
+  for (size_t i = 0; same && i < cameras.size(); ++i) same = cameras[i].name == start[i].name;
+  if (!same)
+    throw Error(fmt::format(
+        "reading the cameras that training has corrected: {} has other cameras than the scene; "
+        "restore the scene or the file",
+        path("cameras.json")));
+  for (size_t i = 0; i < cameras.size(); ++i)
+    frames.move_camera(i, cameras[i].viewmat, cameras[i].fx / start[i].fx);
 }
 
 }  // namespace gflow

@@ -85,8 +85,11 @@ class RunFolder {
   // Settings of config.toml, completed from the last checkpoint; those of the checkpoint alone,
   // with a warning, if config.toml is missing or damaged. Error if there is neither.
   TrainOptions read_config() const;
-  // cameras.json; near: the near plane of all cameras [scene units].
-  void write_cameras(const Scene& scene, float near) const;
+  // cameras.json, with what training has corrected; near: the near plane of all cameras [scene
+  // units].
+  void write_cameras(const FrameStore& frames, float near) const;
+  // Gives the frames of the run's scene the cameras of cameras.json. Error if they are others.
+  void move_cameras(FrameStore& frames) const;
   // Parses a line of metrics.jsonl; a discarded value if it is invalid or longer than 64 kB.
   static nlohmann::ordered_json metrics_of(std::string_view line);
   // Appends a line to metrics.jsonl, and the same values to metrics.csv.

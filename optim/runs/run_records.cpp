@@ -181,6 +181,7 @@ std::vector<std::string> RunFolder::write_results(const Evaluation& evaluation,
   test["flow_reference"] = evaluation.flow_reference;
   test["views"] = evaluation.views.size();
   test["trained_on"] = evaluation.trained_on;
+  test["fitted_cameras"] = evaluation.fitted_cameras;
   test["lpips_model"] = network(evaluation.lpips_model);
   test["clip_model"] = network(evaluation.clip_model);
   if (const auto& tracks = evaluation.tracks)

@@ -7,6 +7,7 @@
 
 #include "optim/images/image_header.hpp"
 #include "optim/init/init.hpp"
+#include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/evaluate_run.hpp"
 #include "optim/runs/replacement.hpp"
 #include "optim/runs/train_steps.hpp"
@@ -77,7 +78,8 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
 
 void write_first_files(const RunFolder& files, const RunParts& parts) {
   files.write_config(parts.config);
-  files.write_cameras(parts.scene(), near_or_default(parts.config.render.near, parts.scene()));
+  files.write_cameras(parts.prepared.frames(),
+                      near_or_default(parts.config.render.near, parts.scene()));
 }
 
 // Computes what the first step needs besides a model. left: what remains if it is interrupted.
@@ -123,6 +125,8 @@ Evaluation evaluate_result(RunParts& parts, Model& model, const RunFacts& facts)
     const Evaluation evaluation =
         evaluate_views(queue, model, config, prepared.loaded(), views, quiet,
                        tested ? run.path("test") : "", run.path("flow"));
+    if (evaluation.fitted_cameras)
+      run.write_cameras(prepared.frames(), near_or_default(config.render.near, scene));
     write_comparison(queue, model, config, prepared.loaded(), views, run);
     // Last, because it marks the run as finished.
     if (tested) run.write_results(evaluation, "test", facts, config, model.parameters.count);
@@ -156,6 +160,7 @@ Evaluation train_and_evaluate(RunParts& parts, Model& model,
                     checkpoints,
                     Stopwatch(before.seconds),
                     Validation(queue, config, prepared.loaded()),
+                    prepared.frames(),
                     extensions.observer};
   std::optional<InterruptGuard> guard;
   const int steps = train_steps(training, before.step, guard, quiet, at_first);
@@ -237,6 +242,8 @@ Evaluation only_evaluate(RunParts& parts) {
     facts.finished = true;
     run.write_facts(facts);
   }
+  if (refines_cameras(parts.config.cameras, parts.scene()))
+    run.move_cameras(parts.prepared.frames());
   write_first_files(run, parts);  // some settings may be others than before
   Model model(parts.queue, state.model, Purpose::rendering);
   parts.stop.set(interrupted_while_evaluating(run, state.iteration));

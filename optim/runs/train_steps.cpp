@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "optim/motion/parameters_state.hpp"
+#include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/roll_back.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "runtime/base/output.hpp"
@@ -38,6 +39,18 @@ void try_save_model(Queue& queue, const Model& model, const RunFolder& run, int 
   } catch (const Error& problem) {
     warn(fmt::format("point cloud of step {} not saved: {}; training continues", iteration,
                      problem.what()));
+  }
+}
+
+// Writes the cameras that training has corrected; a failure does not stop training.
+void try_write_cameras(const Training& training) {
+  const Scene& scene = training.trainer.scene();
+  if (!refines_cameras(training.config.cameras, scene)) return;
+  try {
+    training.run.write_cameras(training.frames,
+                               near_or_default(training.config.render.near, scene));
+  } catch (const Error& problem) {
+    warn(fmt::format("cameras not saved: {}; training continues", problem.what()));
   }
 }
 
@@ -215,7 +228,7 @@ class RunObserver : public TrainObserver {
   // Writes what is due after a step, after checking it. Returns false if training has returned to
   // its last checkpoint instead.
   bool keep(TrainState& state) {
-    auto& [queue, config, run, model, trainer, checkpoints, watch, validation, observer] =
+    auto& [queue, config, run, model, trainer, checkpoints, watch, validation, frames, observer] =
         training_;
     const ScheduleOptions& plan = config.train;
     const int done = state.done;
@@ -242,6 +255,7 @@ class RunObserver : public TrainObserver {
     progress_.update(done, terms_of(report_));
     if (shows) try_save_model(queue, model, run, done);
     if (saves) checkpoints.try_write(done, watch.seconds());
+    if (shows || saves) try_write_cameras(training_);
     return true;
   }
 
@@ -330,6 +344,7 @@ RunFacts keep_result(Training& training, int steps) {
   const std::string no_model =
       why_not(run, [&] { run.write_model(steps, training.model.read(training.queue)); });
   if (no_model.empty()) remove_model_of_stop(run, training.config, stopped, steps);
+  try_write_cameras(training);
   const std::string no_rest = no_checkpoint.empty() ? no_facts : no_checkpoint;
   if (no_model.empty() && no_rest.empty()) return facts;
   throw not_all_kept(training, steps, no_model, no_rest);

@@ -37,6 +37,7 @@ struct Training {
   Checkpointer& checkpoints;
   Stopwatch watch;
   Validation validation;
+  FrameStore& frames;                 // whose cameras training may correct
   TrainObserver* observer = nullptr;  // called after each step that is kept; nullptr: none
 };
 

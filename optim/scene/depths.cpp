@@ -102,4 +102,11 @@ double median_depth_of_points(const Scene& scene, int camera) {
   return *middle;
 }
 
+double depth_of_scene(const Scene& scene, int camera) {
+  if (const double median = median_depth_of_points(scene, camera); median > 0) return median;
+  const Camera& from = scene.cameras[size_t(camera)];
+  const double depth = from.viewmat.row(2).dot(focus_point(scene).homogeneous());
+  return depth > 0 ? depth : scene.extent;
+}
+
 }  // namespace gflow

@@ -18,6 +18,9 @@ double share_of_points_nearer(const Scene& scene, double near);
 // Median depth of the points that a camera sees; 0 if it sees few.
 double median_depth_of_points(const Scene& scene, int camera);
 
+// The same, or without enough points the depth of focus_point(), or else Scene::extent; > 0.
+double depth_of_scene(const Scene& scene, int camera);
+
 // Size of a pixel of a training image at the depth of what it shows [scene units]: the median over
 // cameras, at the median depth of the points in view, without points at focus_point().
 // Precondition: there is a training image.

@@ -110,7 +110,8 @@ Image read_mask(const std::string& path, const Camera& camera) {
 struct FrameStore::State {
   FrameStoreOptions options;
   Masks masks = Masks::alpha;
-  std::vector<Camera> full, reduced_cameras;
+  std::vector<Camera> full, reduced_cameras;  // decoding uses them
+  std::vector<Camera> moved;                  // at the store's resolution
   LruCache<std::string, Decoded> cache;
 
   std::mutex videos_mutex;
@@ -263,6 +264,7 @@ FrameStore::FrameStore(const Scene& scene, const FrameStoreOptions& options)
     state_->reduced_cameras.push_back(reduced(camera, options.resolution));
     state_->reduced_cameras.back().lens = {};
   }
+  state_->moved = state_->reduced_cameras;
   for (const std::vector<Frame>* split : {&scene.train, &scene.test, &scene.val})
     for (const Frame& frame : *split) {
       if (frame.video_frame >= 0) {
@@ -333,9 +335,27 @@ void FrameStore::prefetch(const std::vector<const Frame*>& frames) {
 std::array<uint8_t, 3> FrameStore::background() const { return state_->options.background; }
 
 const Camera& FrameStore::camera(const Frame& frame) const {
-  return state_->reduced_cameras[size_t(frame.camera)];
+  return state_->moved[size_t(frame.camera)];
 }
 
-const std::vector<Camera>& FrameStore::cameras() const { return state_->reduced_cameras; }
+const std::vector<Camera>& FrameStore::cameras() const { return state_->moved; }
+
+void FrameStore::move_camera(size_t index, const Eigen::Matrix4d& viewmat, double focal) {
+  Camera& camera = state_->moved[index];
+  const Camera& start = state_->reduced_cameras[index];
+  camera.viewmat = viewmat;
+  camera.fx = focal * start.fx;
+  camera.fy = focal * start.fy;
+}
+
+std::vector<Camera> FrameStore::moved_cameras() const {
+  std::vector<Camera> cameras = state_->full;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    cameras[i].viewmat = state_->moved[i].viewmat;
+    cameras[i].fx *= state_->moved[i].fx / state_->reduced_cameras[i].fx;
+    cameras[i].fy *= state_->moved[i].fy / state_->reduced_cameras[i].fy;
+  }
+  return cameras;
+}
 
 }  // namespace gflow

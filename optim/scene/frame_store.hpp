@@ -60,9 +60,15 @@ class FrameStore {
   // started. Failures are reported by rgb().
   void prefetch(const std::vector<const Frame*>& frames);
 
-  // The camera of a frame, or all cameras, at the store's resolution.
+  // The camera of a frame, or all cameras, at the store's resolution. Not while another thread
+  // moves a camera.
   const Camera& camera(const Frame& frame) const;
   const std::vector<Camera>& cameras() const;
+  // Gives a camera, by its index in the scene, another pose, and its focal lengths this multiple of
+  // those of the scene. Images stay as they are.
+  void move_camera(size_t index, const Eigen::Matrix4d& viewmat, double focal = 1);
+  // The scene's cameras, in full resolution, as they have been moved.
+  std::vector<Camera> moved_cameras() const;
 
  private:
   struct State;

@@ -58,6 +58,7 @@ struct Scene {
   // Distance along the axis of a camera from which Gaussians are drawn [scene units]; 0: not known
   // yet (complete_scene).
   double near_plane = 0;
+  bool estimated_cameras = false;    // by `gflow cameras`, so training may correct them
   bool has_alpha = false;            // images have straight alpha, or masks that mean it
   Masks masks = Masks::alpha;        // what the frames' masks mean: ignore, alpha or foreground
   std::vector<std::string> notices;  // what was left out or assumed, one sentence each

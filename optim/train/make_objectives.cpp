@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "optim/train/make_objectives.hpp"
 
+#include "optim/objectives/camera_objective.hpp"
 #include "optim/objectives/depth_objective.hpp"
 #include "optim/objectives/flow_objective.hpp"
 #include "optim/objectives/guidance_objective.hpp"
@@ -28,6 +29,11 @@ std::unique_ptr<Objective> depth(const TrainInputs& in) {
   return std::make_unique<DepthObjective>(in.queue, in.options, in.scene, in.frames);
 }
 
+std::unique_ptr<Objective> cameras(const TrainInputs& in) {
+  if (!refines_cameras(in.options.cameras, in.scene)) return nullptr;
+  return std::make_unique<CameraObjective>(in.queue, in.options, in.scene, in.frames, in.pairs);
+}
+
 std::unique_ptr<Objective> motion(const TrainInputs& in) {
   return MotionObjective::make(in.queue, in.options.loss, in.scene.steps, float(in.scene.extent),
                                in.model);
@@ -40,9 +46,10 @@ std::unique_ptr<Objective> guidance(const TrainInputs& in) {
 }
 
 // Order of their terms in log and CSV. The image objective is first, because it sets what others
-// add to. A new objective is one more function above and one more name here.
-constexpr std::unique_ptr<Objective> (*kObjectives[])(const TrainInputs&) = {image, flow, depth,
-                                                                             motion, guidance};
+// add to; that of the cameras comes before those that add gradients of poses. A new objective is
+// one more function above and one more name here.
+constexpr std::unique_ptr<Objective> (*kObjectives[])(const TrainInputs&) = {
+    image, flow, depth, cameras, motion, guidance};
 
 }  // namespace
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "optim/cameras/camera_moves.hpp"
+#include "optim/cameras/correct_cameras.hpp"
 #include "optim/density/memory.hpp"
 #include "optim/flow/chained_flow.hpp"
 #include "optim/flow/estimated_flow.hpp"
@@ -14,6 +15,7 @@
 #include "optim/init/init.hpp"
 #include "optim/init/stereo_points.hpp"
 #include "optim/movers/first_model.hpp"
+#include "optim/objectives/camera_objective.hpp"
 #include "optim/objectives/depth_objective.hpp"
 #include "optim/options/scene_defaults.hpp"
 #include "optim/scene/depths.hpp"
@@ -153,6 +155,7 @@ double usual_depth(const Scene& scene) {
 // More than one step on what moves for each on a whole image fits it to single images.
 TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
   if (!begins_with_background(scene, config)) return config;
+  config.cameras.start = 0;
   config.motion.hexplane.warmup = 0;
   config.motion.hexplane.curriculum = 0;
   config.train.focus = std::min(config.train.focus, 1);
@@ -228,7 +231,13 @@ void Preparation::find_motion_masks() {
 }
 
 HostModel Preparation::first_model(Queue& queue, bool quiet) {
-  if (begins_with_background(scene(), config_)) return model_of_moving_camera(queue, quiet);
+  if (begins_with_background(scene(), config_)) {
+    if (auto model = model_of_moving_camera(queue, quiet)) return *std::move(model);
+    warn(
+        "hardly anything in the images is at rest for these cameras, so training begins as if all "
+        "moved: check the poses (cameras.refine = on corrects some degrees) and the order of the "
+        "images");
+  }
   const InitFrom from = config_.init.from;
   const bool has_none =
       scene().points.size() == 0 && !scene().has_alpha && config_.init.file.empty();
@@ -253,7 +262,7 @@ HostModel Preparation::first_model(Queue& queue, bool quiet) {
   return initial_model(scene(), frames(), parts_, static_cameras_, neighbours_, *flows_, config);
 }
 
-HostModel Preparation::model_of_moving_camera(Queue& queue, bool quiet) {
+std::optional<HostModel> Preparation::model_of_moving_camera(Queue& queue, bool quiet) {
   std::optional<Progress> progress;
   const auto begin = [&](const char* stage, size_t total) {
     progress.emplace(stage, long(total), quiet);
@@ -264,9 +273,17 @@ HostModel Preparation::model_of_moving_camera(Queue& queue, bool quiet) {
     StepCounter counter(report, size_t(options.train.iterations));
     return train(queue, std::move(still), options, {&counter, {}}).model;
   };
-  MovingScene moving = moving_scene(queue, scene(), frames(), config_, train_still, begin);
-  set_motion_masks(std::move(moving.masks));
-  return std::move(moving.model);
+  if (refines_cameras(config_.cameras, scene()) && !scene().estimated_cameras) {
+    const auto turn = correct_cameras(scene(), frames(), begin("cameras", scene().train.size()));
+    progress.reset();
+    if (turn && !quiet)
+      print_status(
+          "cameras corrected by {:.2g} degrees on average, to agree with what is at rest\n", *turn);
+  }
+  auto moving = moving_scene(queue, scene(), frames(), config_, train_still, begin);
+  if (!moving) return std::nullopt;
+  set_motion_masks(std::move(moving->masks));
+  return std::move(moving->model);
 }
 
 void Preparation::set_motion_masks(MotionMasks masks) {

@@ -61,7 +61,7 @@ class Preparation {
   FlowStore& flows() { return *flows_; }
 
  private:
-  HostModel model_of_moving_camera(Queue& queue, bool quiet);
+  std::optional<HostModel> model_of_moving_camera(Queue& queue, bool quiet);
   PointCloud points_from_depth();
   PointCloud points_from_stereo();
 

@@ -27,6 +27,7 @@ TrainResult train(Queue& queue, Scene scene, const TrainOptions& options,
   prepared.flows().prefetch({});  // cancel: no further flow is needed
   if (result.steps > 0) result.report = trainer.report(queue);
   result.model = model.read(queue);
+  result.cameras = prepared.frames().moved_cameras();
   return result;
 }
 

@@ -10,6 +10,7 @@ struct TrainResult {
   HostModel model;
   int steps = 0;      // steps made; fewer than options.train.iterations if the observer stopped it
   StepReport report;  // report of the last step
+  std::vector<Camera> cameras;  // of the scene, as they were corrected (cameras.refine)
 };
 
 // Trains on a scene from read_scene(), or one in memory (complete_scene()). options.scene.path is

@@ -86,6 +86,7 @@ void Trainer::step(Queue& queue, int step) {
     population.see(queue, renderer(), renderer().shot(), camera.width, camera.height, some_ignored);
   }
   untouched_ = false;
+  view_pass_.end_step(queue, context);
   const bool warming = sampler_.curriculum().warming(step);
   if (optimizer_.step(queue, renderer(), now, step, warming, context.sh_degree))
     view_pass_.rows_changed();

@@ -61,6 +61,7 @@ class Trainer {
   const Renderer& renderer() const { return view_pass_.renderer(); }
   const ImageGradients& image_gradients() const { return view_pass_.image_gradients(); }
   const Model& model() const { return in_.model; }
+  const Scene& scene() const { return in_.scene; }
 
  private:
   // Loads images and flow of the next step in the background; if flow is computed, that of several

@@ -72,6 +72,10 @@ void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sampl
   renderer_.backward_to_parameters(queue, model_);
 }
 
+void ViewPass::end_step(Queue& queue, const StepContext& context) {
+  for (const auto& objective : objectives_) objective->end_step(queue, context);
+}
+
 void ViewPass::weigh(Queue& queue, const Frame& frame) {
   Shot shot;
   shot.view.camera = pinhole(frames_.camera(frame), near_);

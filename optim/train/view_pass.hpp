@@ -28,6 +28,9 @@ class ViewPass {
   void run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
            bool all_posed);
 
+  // After the last view of a step.
+  void end_step(Queue& queue, const StepContext& context);
+
   // Renders a frame and sets v_colors of renderer().gradients() to the sums of the Gaussians'
   // weights over its pixels.
   void weigh(Queue& queue, const Frame& frame);

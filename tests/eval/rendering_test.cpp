@@ -147,7 +147,7 @@ TEST(Views, CamerasComeBackFromTheJsonOfARun) {
   const Made made;
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create(folder.path());
-  run.write_cameras(made.loaded.scene, 0.25f);
+  run.write_cameras(*made.loaded.frames, 0.25f);
   const std::vector<Camera> back = read_cameras_json(run.path("cameras.json"), 1);
   ASSERT_EQ(back.size(), 4u);
   for (size_t i = 0; i < 4; ++i) {

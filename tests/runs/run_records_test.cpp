@@ -123,10 +123,16 @@ TEST(RunRecords, ResultsHaveTheKeysThatScriptsRead) {
             (std::vector<std::string>{"test", "num_gaussians", "iterations", "train_seconds",
                                       "peak_memory_mib", "device", "motion", "resolution",
                                       "background", "seed"}));
-  for (const char* key :
-       {"psnr", "psnr_matched", "ssim", "psnr_dynamic", "ssim_dynamic", "flow_epe",
-        "flow_epe_dynamic", "fl_all", "teacher_epe_dynamic", "depth_error", "flicker", "lpips",
-        "clip", "flow_reference", "views", "trained_on", "lpips_model", "clip_model"})
+  for (const char* key : {"psnr",           "psnr_matched",
+                          "psnr_unfitted",  "ssim",
+                          "psnr_dynamic",   "ssim_dynamic",
+                          "flow_epe",       "flow_epe_dynamic",
+                          "fl_all",         "teacher_epe_dynamic",
+                          "depth_error",    "flicker",
+                          "lpips",          "clip",
+                          "flow_reference", "views",
+                          "trained_on",     "fitted_cameras",
+                          "lpips_model",    "clip_model"})
     EXPECT_TRUE(results["test"].contains(key)) << key;
   EXPECT_EQ(results["test"]["psnr"], 31.5);
   EXPECT_TRUE(results["test"]["flow_epe"].is_null());  // not NaN, which is invalid in JSON

@@ -15,7 +15,8 @@
 
 namespace gflow::stress {
 
-// Defined in derivatives_of_motion.cpp and derivatives_of_losses.cpp.
+// Defined in derivatives_of_cameras.cpp and so on.
+std::vector<Derivative> camera_derivatives(Queue& queue);
 std::vector<Derivative> motion_derivatives(Queue& queue);
 std::vector<Derivative> motion_loss_derivatives(Queue& queue);
 std::vector<Derivative> loss_derivatives(Queue& queue);
@@ -383,7 +384,8 @@ std::vector<Derivative> derivatives(Queue& queue) {
   rows.push_back(image_row(queue, "flow", Transport::paper, 3, StopRule::exclude));
   rows.push_back(posed_row(queue));
   rows.push_back(sh_row(queue));
-  for (const auto& more : {motion_derivatives, motion_loss_derivatives, loss_derivatives})
+  for (const auto& more :
+       {camera_derivatives, motion_derivatives, motion_loss_derivatives, loss_derivatives})
     for (Derivative& row : more(queue)) rows.push_back(std::move(row));
   rows.push_back(price_row(queue));
   rows.push_back(static_gradient_row(queue));

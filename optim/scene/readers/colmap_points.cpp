@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <map>
 
-#include "optim/scene/align_points.hpp"
+#include "optim/scene/similarity.hpp"
 
 namespace gflow {
 namespace fs = std::filesystem;

@@ -11,7 +11,7 @@
 
 #include "optim/images/image_header.hpp"
 #include "optim/images/video.hpp"
-#include "optim/scene/align_points.hpp"
+#include "optim/scene/similarity.hpp"
 #include "optim/scene/camera_settings.hpp"
 #include "optim/scene/depth_map.hpp"
 #include "optim/scene/readers/colmap_points.hpp"

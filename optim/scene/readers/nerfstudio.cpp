@@ -89,6 +89,8 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   Scene scene;
   scene.layout = "nerfstudio";
   scene.fps = 24;
+  const auto estimated = file.json.find("estimated");  // written by `gflow cameras`
+  scene.estimated_cameras = estimated != file.json.end() && *estimated == true;
   std::vector<Frame> frames = read_frames(folder, file, options, scene);
   if (options.times == Times::order)
     set_times_by_order(frames, file.path);

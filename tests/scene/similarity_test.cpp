@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/scene/align_points.hpp"
+#include "optim/scene/similarity.hpp"
 
 #include <gtest/gtest.h>
 
