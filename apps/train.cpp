@@ -17,6 +17,7 @@
 #include "optim/eval/metric_networks.hpp"
 #include "optim/options/quality.hpp"
 #include "optim/runs/train_run.hpp"
+#include "optim/runs/video_cameras.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "runtime/base/decimal.hpp"
 #include "runtime/base/output.hpp"
@@ -32,7 +33,7 @@ struct TrainFlags {
   Undrawable undrawable = Undrawable::left_out;
   int64_t seed = 0;
   bool profile = false;
-  bool resume = false, overwrite = false, allow_command = false;
+  bool resume = false, overwrite = false, allow_command = false, still = false;
 };
 
 // Accepts the number of steps of a training.
@@ -107,6 +108,7 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
                     flags.cameras, config.scene.path, layout));
   if (!flags.cameras.empty())
     config.scene.cameras = std::filesystem::absolute(flags.cameras).lexically_normal().string();
+  if (flags.still) config.scene.still = true;
   make_paths_absolute(config.metrics);
   if (command.count("--iterations")) config.train.iterations = flags.iterations;
   if (command.count("--resolution")) config.scene.resolution = flags.resolution;
@@ -117,7 +119,7 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
 }
 
 void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI::App& command) {
-  const TrainOptions config = configured(flags, command);
+  TrainOptions config = configured(flags, command);
   GlobalOptions device = options;
   if (device.device.empty()) device.device = config.train.device;
   const CompileAhead ahead(device.device, config);
@@ -125,6 +127,7 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);
   const RunFolder run(flags.run);
+  find_cameras_of_video(config, run, flags.resume, options.quiet);
   const Evaluation evaluation = train_run(queue, config, run, options.quiet,
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
@@ -188,6 +191,9 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                    "Camera of a video or of numbered images, or one camera per image: cameras.json "
                    "or transforms.json (scene.cameras)")
       ->type_name("FILE");
+  command->add_flag("--still", flags->still,
+                    "The camera of a video stands still, even where most of the image moves "
+                    "(scene.still); otherwise poses of a camera that moves are found first");
   const TrainOptions defaults;
   constexpr double most = std::numeric_limits<int>::max();
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")

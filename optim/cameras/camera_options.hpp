@@ -22,10 +22,11 @@ struct CameraOptions {
           "train the cameras too, their poses and a common focal length (on; auto: if `gflow "
           "cameras` has estimated them); cameras of other views are then fitted to their images "
           "before they are evaluated");
-    field("start", self.start,
-          advanced("share of the steps before: a scene that is hardly known leads cameras astray (0 "
-                   "where a background is trained first, init.background)"),
-          between(0, 1));
+    field(
+        "start", self.start,
+        advanced("share of the steps before: a scene that is hardly known leads cameras astray (0 "
+                 "where a background is trained first, init.background)"),
+        between(0, 1));
     field("pull", self.pull,
           advanced("weight of the squares of their corrections, of angles and of shifts relative "
                    "to the depth of the scene"),

@@ -19,9 +19,14 @@ using Color = std::array<uint8_t, 3>;
 
 class SceneWriter {
  public:
-  SceneWriter(const std::string& folder, const std::vector<Frame>& frames, FrameStore& store,
+  SceneWriter(const std::string& folder, const LoadedScene& video,
               const std::vector<FeatureTrack>& tracks, const CameraPath& path)
-      : folder_(folder), frames_(frames), store_(store), tracks_(tracks), path_(path) {
+      : folder_(folder),
+        frames_(video.scene.train),
+        store_(*video.frames),
+        fps_(video.scene.fps),
+        tracks_(tracks),
+        path_(path) {
     fs::create_directories(folder + "/images");
     fs::create_directories(folder + "/sparse/0");
     colors_.resize(tracks.size());
@@ -159,7 +164,8 @@ class SceneWriter {
   // Camera axes there are x right, y up, z backward.
   void write_transforms() const {
     nlohmann::ordered_json json{{"camera_model", "OPENCV"},
-                                {"estimated", true},  // not an entry of nerfstudio
+                                {"estimated", true},  // this and fps are not of nerfstudio
+                                {"fps", fps_},
                                 {"w", size().width},
                                 {"h", size().height},
                                 {"fl_x", path_.lens.focal},
@@ -185,6 +191,7 @@ class SceneWriter {
   const std::string& folder_;
   const std::vector<Frame>& frames_;
   FrameStore& store_;
+  double fps_;
   const std::vector<FeatureTrack>& tracks_;
   const CameraPath& path_;
   std::vector<size_t> id_of_;  // track of each point
@@ -194,10 +201,10 @@ class SceneWriter {
 
 }  // namespace
 
-void write_camera_scene(const std::string& folder, const std::vector<Frame>& frames,
-                        FrameStore& store, const std::vector<FeatureTrack>& tracks,
-                        const CameraPath& path, const ProgressCallback& progress) {
-  SceneWriter(folder, frames, store, tracks, path).run(progress);
+void write_camera_scene(const std::string& folder, const LoadedScene& video,
+                        const std::vector<FeatureTrack>& tracks, const CameraPath& path,
+                        const ProgressCallback& progress) {
+  SceneWriter(folder, video, tracks, path).run(progress);
 }
 
 }  // namespace gflow

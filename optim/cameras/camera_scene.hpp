@@ -5,15 +5,15 @@
 #include <string>
 
 #include "optim/cameras/bundle.hpp"
-#include "optim/scene/frame_store.hpp"
+#include "optim/scene/loaded_scene.hpp"
 #include "runtime/base/report.hpp"
 
 namespace gflow {
 
-// frames: those of the video, in order; frame k has pose k of the path, and is left out without.
+// Frame k of the video has pose k of the path, and is left out without.
 // Images are stored as PNG. The folder is made; files in it are replaced. progress: in images.
-void write_camera_scene(const std::string& folder, const std::vector<Frame>& frames,
-                        FrameStore& store, const std::vector<FeatureTrack>& tracks,
-                        const CameraPath& path, const ProgressCallback& progress);
+void write_camera_scene(const std::string& folder, const LoadedScene& video,
+                        const std::vector<FeatureTrack>& tracks, const CameraPath& path,
+                        const ProgressCallback& progress);
 
 }  // namespace gflow

@@ -42,7 +42,7 @@ class Reconstruction {
     choose_keyframes();
     begin(pairs_of(keyframes_, tracks_));
     place_keyframes();
-    refine_keyframes();
+    refine();
     place_the_rest();
     return std::move(path_);
   }
@@ -51,15 +51,16 @@ class Reconstruction {
   CameraPath run(const SharedLens& lens, const std::vector<Eigen::Isometry3d>& poses) {
     path_.lens = lens;
     path_.poses.assign(poses.begin(), poses.end());
-    size_t done = 0;
-    for (const double wide : {20., 10., 5., 2.5, 1., 1.}) {
+    for (const double wide : {20., 10., 5., 2.}) {
       tolerance_ = wide;
       for (auto& point : path_.points) point.reset();
       triangulate();
-      adjust(wide < 5, 30);
-      reject();
-      if (options_.progress) options_.progress(++done, 6);
+      adjust(false, 30);
     }
+    tolerance_ = 1;
+    for (auto& point : path_.points) point.reset();
+    triangulate();
+    refine();
     return std::move(path_);
   }
 
@@ -294,7 +295,7 @@ class Reconstruction {
     }
   }
 
-  void refine_keyframes() {
+  void refine() {
     for (int round = 0; round < 3; ++round) {
       adjust(true, 40);
       reject();

@@ -8,6 +8,7 @@
 #include <regex>
 #include <set>
 
+#include "optim/cameras/find_cameras.hpp"
 #include "runtime/files/atomic_file.hpp"
 
 namespace gflow {
@@ -17,6 +18,7 @@ namespace fs = std::filesystem;
 bool is_made_by_training(const fs::path& folder) {
   std::error_code none;
   if (fs::exists(folder / kRunStamp, none) || fs::exists(folder / kRunBegun, none)) return true;
+  if (fs::exists(folder / kRunScene / kMadeFrom, none)) return true;
   if (!fs::exists(folder / "config.toml", none)) return false;
   for (const char* trained : {"checkpoints", "point_cloud"})
     for (const auto& entry : fs::directory_iterator(folder / trained, none))
@@ -32,10 +34,10 @@ bool is_name_of_results(const std::string& name) {
 
 bool is_name_of_training(const std::string& name) {
   static const std::set<std::string> names = {
-      kRunLock,      "broken.npz",   "cameras.json",  kRunStamp, "checkpoints",
-      "compare.png", "config.toml",  "flow",          "frames",  "input.motion.npz",
-      "input.ply",   "metrics.csv",  "metrics.jsonl", "moving",  "point_cloud",
-      "test",        "training.json"};
+      kRunLock,           kRunScene,     "broken.npz",   "cameras.json",  kRunStamp,
+      "checkpoints",      "compare.png", "config.toml",  "flow",          "frames",
+      "input.motion.npz", "input.ply",   "metrics.csv",  "metrics.jsonl", "moving",
+      "point_cloud",      "test",        "training.json"};
   return names.count(name) || is_name_of_results(name);
 }
 

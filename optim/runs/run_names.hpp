@@ -9,11 +9,13 @@ namespace gflow {
 
 inline constexpr const char* kRunStamp = "caches.stamp";  // present in every run folder
 inline constexpr const char* kRunLock = ".lock";
+inline constexpr const char* kRunScene = "scene";  // of a video whose cameras were found
 // The first files of a run that has begun, until they are in their places (replacement.hpp).
 inline constexpr const char* kRunBegun = ".begun";
 
-// Whether training made the folder: it has the stamp, or, if that was removed with the caches,
-// settings and a training result. Settings or cameras alone may be anybody's.
+// Whether training made the folder: it has the stamp or a scene made from a video, or, if that was
+// removed with the caches, settings and a training result. Settings or cameras alone may be
+// anybody's.
 bool is_made_by_training(const std::filesystem::path& folder);
 
 // Whether a file name is that of a run's results or per_view file, of any split and iteration.

@@ -54,6 +54,7 @@ struct SceneOptions {
   float depth_unit = 0.001f;
   std::string cameras;
   std::string camera;
+  bool still = false;
   float fps = 0;
   float elevation = 0;
   float radius = 2;
@@ -102,6 +103,9 @@ struct SceneOptions {
           "file with the camera, or with one camera per image: cameras.json or transforms.json; "
           "empty: a static camera by scene.elevation, radius and fovy (Consistent4D, video)");
     field("camera", self.camera, "name of the camera in that file, if it has several");
+    field("still", self.still,
+          "the camera of a video stands still, even where most of the image moves: no search for "
+          "its poses");
     field("fps", self.fps, "frames per second; 0: as in the video, else 24",
           zero_or_between(float(slowest_fps), float(fastest_fps)));
     field("elevation", self.elevation,

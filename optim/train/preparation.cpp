@@ -180,6 +180,7 @@ class StepCounter : public TrainObserver {
 void warn_of_moving_camera(const TrainOptions& config, const LoadedScene& loaded) {
   const Scene& scene = loaded.scene;
   if (!takes_cameras(scene.layout) || !config.scene.cameras.empty() || scene.has_alpha) return;
+  if (config.scene.still) return;
   if (camera_moves(scene.train, *loaded.frames))
     warn(fmt::format(
         "the camera seems to move, but is trained as a static one: `gflow cameras {} -o SCENE` "

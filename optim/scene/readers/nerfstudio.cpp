@@ -88,7 +88,8 @@ Scene read_nerfstudio(const std::string& folder, const SceneOptions& options) {
   if (file.json["frames"].empty()) throw Error(fmt::format("{} has no frames", file.path));
   Scene scene;
   scene.layout = "nerfstudio";
-  scene.fps = 24;
+  const double fps = number(file.json, "fps", file.path).value_or(0);
+  scene.fps = fps >= slowest_fps && fps <= fastest_fps ? fps : 24;
   const auto estimated = file.json.find("estimated");  // written by `gflow cameras`
   scene.estimated_cameras = estimated != file.json.end() && *estimated == true;
   std::vector<Frame> frames = read_frames(folder, file, options, scene);

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a video of one moving camera to a scene folder with its poses: tracks, reconstruction,
+// files.
+#pragma once
+#include <string>
+
+#include "optim/scene/loaded_scene.hpp"
+
+namespace gflow {
+
+struct FindCameras {
+  double fovy = 0;      // vertical field of view [degrees]; 0: estimated
+  bool radial = false;  // estimate radial lens distortion
+  bool quiet = false;   // no progress lines
+};
+
+// File in the scene folder that says from what it was made.
+inline constexpr const char* kMadeFrom = "video.txt";
+// Its contents: the path of the video in the first line, then everything else that matters.
+std::string made_from(const Scene& video, const SceneOptions& options);
+
+// Loads a video or a folder of numbered images, without the notice that it has no poses. Error if
+// it is a scene that has cameras.
+LoadedScene load_video(const SceneOptions& options);
+
+// Finds the poses of a loaded video and writes the scene (camera_scene.hpp) as `folder`, which must
+// be new or empty and appears complete or not at all. Warns of frames that could not be placed, and
+// prints what was found. Error if the camera does not move, only turns, or there are too few
+// frames.
+void find_cameras(const LoadedScene& video, const SceneOptions& options, const FindCameras& how,
+                  const std::string& folder);
+
+}  // namespace gflow

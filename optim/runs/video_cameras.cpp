@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/video_cameras.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "optim/cameras/camera_moves.hpp"
+#include "optim/cameras/find_cameras.hpp"
+#include "optim/runs/run_names.hpp"
+#include "runtime/base/output.hpp"
+#include "runtime/files/atomic_file.hpp"
+
+namespace gflow {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string text_of(const std::string& path) {
+  if (!fs::exists(path)) return "";
+  const Bytes bytes = read_file(path);
+  return {bytes.begin(), bytes.end()};
+}
+
+// The scene holds what the settings have chosen of the video, in that size.
+SceneOptions of_found_scene(const SceneOptions& video, const std::string& folder) {
+  SceneOptions scene;
+  scene.path = folder;
+  scene.background = video.background;
+  scene.test_every = video.test_every;
+  scene.val_every = video.val_every;
+  return scene;
+}
+
+}  // namespace
+
+void find_cameras_of_video(TrainOptions& config, const RunFolder& run, bool resumes, bool quiet) {
+  const SceneOptions& options = config.scene;
+  if (options.still || !options.cameras.empty() || !takes_cameras(layout_of(options.path))) return;
+  const std::string folder = fs::absolute(run.path(kRunScene)).lexically_normal().string();
+  const std::string before = text_of(folder + "/" + kMadeFrom);
+  if (resumes && before.substr(0, before.find('\n')) == options.path) {
+    config.scene.path = folder;
+    return;
+  }
+  const LoadedScene video = load_video(options);
+  if (video.scene.has_alpha || !are_training_images(video.scene, video.scene.test)) return;
+  if (before != made_from(video.scene, options)) {
+    if (!camera_moves(video.scene.train, *video.frames)) return;
+    if (!quiet)
+      print_status("the camera moves: its poses are found first (--still takes it for static)\n");
+    if (before.empty() && fs::exists(folder))
+      throw Error(fmt::format(
+          "training {}: its poses would be written to {}, which gflow did not make; name another "
+          "run folder",
+          options.path, folder));
+    FindCameras how;
+    how.quiet = quiet;
+    try {
+      find_cameras(video, options, how, folder);
+    } catch (const Error& problem) {
+      throw Error(
+          fmt::format("{}; --still trains it as the video of a static camera, --cameras FILE with "
+                      "poses from elsewhere",
+                      problem.what()));
+    }
+  }
+  config.scene = of_found_scene(options, folder);
+}
+
+}  // namespace gflow
