@@ -19,6 +19,7 @@ constexpr double kLeastShare = 5e-4;  // of all pixels of the video, for a mover
 constexpr size_t kMost = 16;          // movers, the largest
 constexpr double kNearest = 0.05;     // share of the background's depths that may be nearer
 // Weights of the least squares, relative to the motion over one frame.
+constexpr double kFollowed = 0.4;  // share of the bounds
 constexpr double kSmooth = 9, kBound = 0.09, kPrior = 1e-6;
 
 // Where the flow of a pixel leads, as an index, or -1.
@@ -187,6 +188,14 @@ std::vector<std::vector<CarriedRays>> carried_rays(const SmallVideo& video,
   return rays;
 }
 
+double median_share(const Eigen::VectorXd& depths, const Eigen::VectorXd& bounds) {
+  std::vector<double> shares;
+  for (long k = 0; k < depths.size(); ++k) shares.push_back(depths(k) / bounds(k));
+  const auto middle = shares.begin() + long(shares.size() / 2);
+  std::nth_element(shares.begin(), middle, shares.end());
+  return *middle;
+}
+
 // The depths at the frames where the mover is in view, by least squares with the bounds that would
 // be exceeded as equations.
 std::vector<double> depths_of(const SmallVideo& video, const Mover& mover,
@@ -229,8 +238,7 @@ std::vector<double> depths_of(const SmallVideo& video, const Mover& mover,
   Eigen::VectorXd most(m);
   for (long k = 0; k < m; ++k) most(k) = bounds[frames[size_t(k)]];
   std::vector<char> bound(size_t(m), 0);
-  Eigen::VectorXd d;
-  for (int round = 0; round < 30; ++round) {
+  const auto solved = [&] {
     Eigen::MatrixXd with_bounds = normal;
     Eigen::VectorXd values = right;
     for (long k = 0; k < m; ++k) {
@@ -238,7 +246,11 @@ std::vector<double> depths_of(const SmallVideo& video, const Mover& mover,
       with_bounds(k, k) += weight;
       values(k) += weight * most(k);
     }
-    d = with_bounds.ldlt().solve(values);
+    return with_bounds.ldlt().solve(values).eval();
+  };
+  Eigen::VectorXd d;
+  for (int round = 0; round < 30; ++round) {
+    d = solved();
     bool settled = true;
     for (long k = 0; k < m; ++k) {
       const char exceeds = d(k) > most(k);
@@ -246,6 +258,12 @@ std::vector<double> depths_of(const SmallVideo& video, const Mover& mover,
       bound[size_t(k)] = exceeds;
     }
     if (settled) break;
+  }
+  if (median_share(d, most) < kFollowed) {
+    normal *= 1e-3;
+    right *= 1e-3;
+    std::fill(bound.begin(), bound.end(), 1);
+    d = solved();
   }
   for (long k = 0; k < m; ++k) {
     const double nearest = 0.02 * most(k);  // in front of the camera

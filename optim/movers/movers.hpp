@@ -19,7 +19,9 @@ NeighbourFlows neighbour_flows(const SmallVideo& video);
 // allow, but stays in front of what it hides: the depths d minimise the squared motion of its
 // pixels from frame to frame, sum |c' + d' r' - c - d r|^2 over frames 1, 2 and 4 apart with the
 // mean rays r of the same pixels and camera centres c, and change smoothly; no d is larger than the
-// smallest depths of the background in its mask. Movers of few pixels are left out.
+// smallest depths of the background in its mask. If most would be less than 0.4 of that, the camera
+// follows the mover, for which least motion is close to the camera: then it is where it would touch
+// what it hides. Movers of few pixels are left out.
 std::vector<Mover> movers_of(const SmallVideo& video, const StillBackground& background,
                              const NeighbourFlows& flows);
 
