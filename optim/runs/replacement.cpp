@@ -34,7 +34,8 @@ std::vector<std::string> previous_files(const RunFolder& run) {
 
 // Error if a previous file could not be removed, or a new one could not take its name.
 void require_changeable(const RunFolder& run, const std::string& staged) {
-  for (const std::string& name : names_in(staged)) require_replaceable(run.path(name));
+  for (const std::string& name : names_in(staged))  // folders are among the previous files
+    if (!fs::is_directory(staged + "/" + name)) require_replaceable(run.path(name));
   for (const std::string& file : previous_files(run)) {
     const std::string folder = fs::path(file).parent_path().string();
     if (::access(folder.c_str(), W_OK) != 0) throw_write_error(folder, errno);

@@ -86,7 +86,7 @@ TEST_F(MovingCameraCommand, OnlyWhatMovesMayMove) {
   EXPECT_NEAR(moved / double(moving), 0.05 * 15, 0.3);
 }
 
-TEST_F(MovingCameraCommand, ResumesWithTheSameBytes) {
+TEST_F(MovingCameraCommand, ResumesWithTheSameBytesAndIsReplaced) {
   const Command command(train("stopped"));
   const std::string checkpoint = RunFolder(run("stopped")).checkpoints().path(20);
   ASSERT_TRUE(wait_until([&] { return fs::exists(checkpoint); }));
@@ -95,6 +95,16 @@ TEST_F(MovingCameraCommand, ResumesWithTheSameBytes) {
   const Outcome resumed = gflow({"train", "-o", run("stopped"), "--resume", "--quiet"});
   ASSERT_EQ(resumed.code, 0) << resumed.err;
   EXPECT_EQ(model_of("stopped").groups, model_of("whole").groups);
+
+  // Replaced by a run of other masks.
+  const std::string mask = run("stopped") + "/moving/images_00.png";
+  ASSERT_TRUE(fs::exists(mask));
+  write_file_atomically(mask, "of the previous run");
+  std::vector<std::string> again = train("stopped");
+  for (const char* more : {"--overwrite", "--set", "train.iterations=1"}) again.push_back(more);
+  const Outcome replaced = gflow(again);
+  ASSERT_EQ(replaced.code, 0) << replaced.err;
+  EXPECT_GT(fs::file_size(mask), 50u);  // a PNG again
 }
 
 }  // namespace
