@@ -6,6 +6,7 @@
 
 #include "optim/scene/camera_correction.hpp"
 #include "optim/scene/loaded_scene.hpp"
+#include "optim/scene/similarity.hpp"
 #include "shared/random.h"
 #include "tests/support/camera_path.hpp"
 
@@ -89,9 +90,14 @@ TEST(CorrectCameras, FindsPosesAndFocalLengthInTheWorldOfTheGivenOnes) {
   EXPECT_LT(after.angle, 0.5 * before.angle);
   EXPECT_LT(after.place, 0.3 * before.place);
   EXPECT_NEAR(found[0].fx, kFilmFocal, 0.01 * kFilmFocal);
-  // Errors of sixteen poses, averaged: the world stays where it was.
-  const Camera test = found.back(), truth = true_camera(4);
-  EXPECT_LT((test.position() - truth.position()).norm(), 0.1);
+  // The world stays where it was, and the test camera with it.
+  std::vector<Camera> now(found.begin(), found.end() - 1), given = loaded.scene.cameras;
+  given.pop_back();
+  const Similarity map = similarity_between(now, given).value();
+  EXPECT_NEAR(map.scale, 1, 1e-6);
+  EXPECT_LT((map.rotation - Eigen::Matrix3d::Identity()).norm(), 1e-6);
+  EXPECT_LT(map.shift.norm(), 1e-6);
+  EXPECT_LT((found.back().position() - true_camera(4).position()).norm(), 0.1);
 }
 
 TEST(CorrectCameras, DifferentFocalLengthsAreLeftAlone) {
