@@ -274,6 +274,11 @@ void RunFolder::write_cameras(const FrameStore& frames, float near) const {
 }
 
 void RunFolder::move_cameras(FrameStore& frames) const {
+  if (!fs::exists(path("cameras.json")))
+    throw Error(fmt::format(
+        "reading the cameras that training has corrected: {} is missing; restore it, or resume the "
+        "training, which writes it again",
+        path("cameras.json")));
   const std::vector<Camera> cameras = read_cameras_json(path("cameras.json"), 1);
   const std::vector<Camera> start = frames.moved_cameras();
   bool same = cameras.size() == start.size();
