@@ -35,9 +35,9 @@ cv::Mat part_of(const cv::Mat& image, const Rect& part) {
   return result;
 }
 
-// Where the camera moves, patches 3 px apart are as good as on every pixel (README.md), and seven
-// times faster. In the parts that move before a camera at rest, fine things in fast motion need
-// all. More iterations of either kind do not give better flow.
+// Where the camera moves, patches 3 px apart are nearly as good as on every pixel (README.md), and
+// seven times faster. In the parts that move before a camera at rest, fine things in fast motion
+// need all. More iterations of either kind do not give better flow.
 cv::Ptr<cv::DISOpticalFlow> dis_for(CameraMotion camera) {
   auto dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
   dis->setFinestScale(0);
