@@ -14,6 +14,9 @@ namespace gflow {
 namespace {
 
 constexpr size_t kPlanesGroup = 64;
+// Least thickness of the box, of its longest side. What moves may begin as flat as a sheet, when all
+// of it lies at one depth: in a box as thin, a step of training would carry it past whole cells.
+constexpr float kThinnest = 0.25f;
 
 // The weights of the rows at time t / duration. A spline goes on straight beyond both ends: row -1
 // is 2 row 0 - row 1.
@@ -133,6 +136,8 @@ void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack) {
     shape.centre[axis] = 0.5f * (low + high);
     shape.half_size[axis] = std::max(0.5f * (1 + slack) * (high - low), 1e-6f);
   }
+  const float longest = *std::max_element(shape.half_size.begin(), shape.half_size.end());
+  for (float& half_size : shape.half_size) half_size = std::max(half_size, kThinnest * longest);
 }
 
 std::vector<ShapeNumber> field_numbers() {

@@ -274,7 +274,16 @@ TEST(Hexplane, TheBoxHoldsAllButAFewPointsAndItsSlack) {
   EXPECT_EQ(shape.centre[0], 100);
   EXPECT_EQ(shape.half_size[0], 1.5f * 98);
   EXPECT_EQ(shape.centre[2], -1);  // without the outlier
-  EXPECT_GT(shape.half_size[1], 0);
+}
+
+TEST(Hexplane, TheBoxOfAFlatCloudIsNotAsFlat) {
+  std::vector<float> xyz;
+  for (int i = 0; i <= 200; ++i) xyz.insert(xyz.end(), {float(i), 5, 0.3f * float(i)});
+  HexplaneShape shape;
+  set_box(shape, xyz, 0);
+  EXPECT_EQ(shape.half_size[0], 98);
+  EXPECT_EQ(shape.half_size[1], 0.25f * 98);
+  EXPECT_NEAR(shape.half_size[2], 0.3 * 98, 1e-4);
 }
 
 }  // namespace
