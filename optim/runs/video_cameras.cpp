@@ -43,7 +43,9 @@ void find_cameras_of_video(TrainOptions& config, const RunFolder& run, bool resu
     config.scene.path = folder;
     return;
   }
-  const LoadedScene video = load_video(options);
+  SceneOptions of_all = options;  // the poses of frames that are held back are needed, too
+  of_all.val_every = 0;
+  const LoadedScene video = load_video(of_all);
   if (video.scene.has_alpha || !are_training_images(video.scene, video.scene.test)) return;
   if (before != made_from(video.scene, options)) {
     if (!camera_moves(video.scene.train, *video.frames)) return;

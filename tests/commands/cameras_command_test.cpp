@@ -133,6 +133,9 @@ TEST_F(TrainingOfVideo, FindsTheCamerasFirstAndOnce) {
     EXPECT_EQ(next.out.find("placed"), std::string::npos) << next.out;
     EXPECT_EQ(scene_of("run"), path("run") + "/scene");
   }
+  const Outcome held = train(path("film"), "run", {"--overwrite", "--set", "scene.val_every=8"});
+  EXPECT_EQ(held.code, 0) << held.err;
+  EXPECT_EQ(scene_of("run"), path("run") + "/scene");
   const Outcome part = train(path("film"), "run", {"--overwrite", "--set", "scene.max_steps=14"});
   ASSERT_EQ(part.code, 0) << part.err;
   EXPECT_NE(part.out.find("14 of 14 placed"), std::string::npos) << part.out;
