@@ -30,10 +30,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kSwaySeconds = 4;  // of a circle of --sway
+
 struct RenderFlags {
   std::string model, output, split, camera, times, scene, background, up = "-y";
   int resolution = 0, iteration = latest_iteration;
-  double fps = 0;
+  double fps = 0, sway = 0;
   Undrawable undrawable = Undrawable::left_out;
   bool no_compare = false;
 };
@@ -112,7 +114,8 @@ std::vector<RenderView> views_wanted(const RenderFlags& flags, const Source& sou
     if (!flags.camera.empty())
       return camera_views(cameras_wanted(flags, cameras), times_wanted(flags, &scene, still),
                           &scene);
-    const std::string split = flags.split.empty() ? "test" : flags.split;
+    const std::string usual = flags.sway > 0 ? "train" : "test";
+    const std::string split = flags.split.empty() ? usual : flags.split;
     const std::vector<Frame>& frames = frames_of_split(scene, split);
     if (flags.times.empty()) return split_views(scene, frames, cameras, split);
     return camera_views(cameras_of(frames, cameras), times_wanted(flags, &scene, still), &scene);
@@ -139,6 +142,11 @@ double near_of(const Source& source, const std::vector<RenderView>& views) {
   const float set = source.config.render.near;
   if (source.loaded) return double(near_or_default(set, source.loaded->scene));
   return set > 0 || views.empty() ? double(set) : views[0].camera.near;
+}
+
+double fps_of(const RenderFlags& flags, const Source& source) {
+  if (flags.fps > 0) return flags.fps;
+  return source.loaded ? source.loaded->scene.fps : RenderOptions().fps;
 }
 
 // views: the rendered views; still: whether the model is static.
@@ -218,6 +226,8 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   require_no_other_files(flags.output);
   const Source source = find_source(flags);
   std::vector<RenderView> views = views_wanted(flags, source);
+  const double fps = fps_of(flags, source);
+  if (flags.sway > 0) views = swaying_views(views, source.model, flags.sway, kSwaySeconds * fps);
   const bool still = is_static_model(source.model);
   if (still)
     for (RenderView& view : views) view.time_t2 = -1;
@@ -227,8 +237,7 @@ void run_render(const RenderFlags& flags, const GlobalOptions& options) {
   const float level = float(shown_level(source.config.scene.background)) / 255;
   render.background = {level, level, level};
   if (const double near = near_of(source, views); near > 0) render.near = float(near);
-  if (source.loaded) render.fps = source.loaded->scene.fps;
-  if (flags.fps > 0) render.fps = flags.fps;
+  render.fps = fps;
   render.compare = !flags.no_compare;
 
   Queue queue = open_queue(options);
@@ -283,6 +292,13 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
                    "empty: the views of the split, all time steps of a camera, else 0:1:40. Flow "
                    "is to the next time; for a single time, to the scene's next time step")
       ->type_name("TIMES");
+  command
+      ->add_option("--sway", flags->sway,
+                   "Circle around each pose of the camera, so many degrees to each side, once in "
+                   "four seconds: shows depth; training views unless --split or --camera says "
+                   "otherwise")
+      ->check(zero_or_in(0.1, 45))
+      ->type_name("DEGREES");
   command
       ->add_option(
           "--scene", flags->scene,

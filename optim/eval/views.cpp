@@ -94,6 +94,32 @@ Eigen::Matrix4d looking(const Eigen::Vector3d& position, const Eigen::Vector3d& 
   return viewmat;
 }
 
+// The median depth of the Gaussians in some of the views; 1 if none is in view.
+double usual_depth(const std::vector<RenderView>& views, const HostModel& model) {
+  constexpr size_t enough = 20;
+  const std::vector<float>& means = model.groups.at("means");
+  std::vector<float> depths;
+  for (size_t k = 0; k < views.size(); k += 1 + views.size() / enough)
+    for (size_t i = 0; i < model.count; ++i) {
+      const Eigen::Vector3d mean = Eigen::Map<const Eigen::Vector3f>(&means[3 * i]).cast<double>();
+      if (const auto depth = views[k].camera.depth_in_view(mean)) depths.push_back(float(*depth));
+    }
+  return depths.empty() ? 1 : quantile(std::move(depths), 0.5);
+}
+
+// A camera turned around the point `depth` ahead of it [radians].
+Camera turned(Camera camera, double depth, double to_side, double up) {
+  using Eigen::AngleAxisd, Eigen::Vector3d;
+  const Eigen::Matrix3d turn =
+      (AngleAxisd(to_side, Vector3d::UnitY()) * AngleAxisd(up, Vector3d::UnitX())).matrix();
+  const Vector3d target(0, 0, depth);
+  Eigen::Matrix4d move = Eigen::Matrix4d::Identity();
+  move.topLeftCorner<3, 3>() = turn.transpose();
+  move.topRightCorner<3, 1>() = target - turn.transpose() * target;
+  camera.viewmat = move * camera.viewmat;
+  return camera;
+}
+
 }  // namespace
 
 std::vector<double> parse_times(const std::string& text) {
@@ -227,6 +253,25 @@ std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<do
     views.push_back(view);
   }
   return views;
+}
+
+std::vector<RenderView> swaying_views(const std::vector<RenderView>& views, const HostModel& model,
+                                      double degrees, double per_circle) {
+  std::vector<RenderView> path;
+  for (const RenderView& view : views)
+    if (view.movie == views[0].movie && (path.empty() || view.time >= path.back().time))
+      path.push_back(view);
+  const double depth = usual_depth(path, model), most = degrees * degree;
+  for (size_t k = 0; k < path.size(); ++k) {
+    RenderView& view = path[k];
+    const double at = 2 * M_PI * double(k) / per_circle;
+    view.name = fmt::format("sway_{:04}", k);
+    view.movie = "sway";
+    view.camera = turned(view.camera, depth, most * std::sin(at), most / 2 * std::cos(at));
+    view.camera_t2 = view.camera;
+    view.truth = view.truth_t2 = nullptr;
+  }
+  return path;
 }
 
 }  // namespace gflow

@@ -49,4 +49,11 @@ std::vector<RenderView> camera_views(const std::vector<Camera>& cameras,
 std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<double>& times,
                                     const std::string& up);
 
+// The views of the first camera track, or of the first static camera, from a camera that circles
+// around each of their poses, `degrees` to each side and half as far up and down, once in
+// `per_circle` views, and looks at the same point, at the median depth of the Gaussians in view.
+// Flow is that of a static camera. They have no images.
+std::vector<RenderView> swaying_views(const std::vector<RenderView>& views, const HostModel& model,
+                                      double degrees, double per_circle);
+
 }  // namespace gflow

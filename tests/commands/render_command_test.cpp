@@ -83,6 +83,16 @@ TEST_F(RenderCommand, RenderDrawsACameraAtTheTimesAskedFor) {
   EXPECT_FALSE(fs::exists(out.path() + "/compare"));
 }
 
+TEST_F(RenderCommand, RenderSwaysAroundOneCamera) {
+  const TemporaryFolder out;
+  const Outcome outcome = gflow({"render", run(), "-o", out.path(), "--camera", "cam02", "--times",
+                                 "0:1:3", "--sway", "8", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(fs::exists(out.path() + "/rgb/sway_0002.png"));
+  EXPECT_TRUE(fs::exists(out.path() + "/sway.mp4"));
+  EXPECT_FALSE(fs::exists(out.path() + "/compare"));
+}
+
 TEST_F(RenderCommand, RenderOfABarePlyGoesAroundIt) {
   const TemporaryFolder folder, out;
   fs::copy_file(model(), folder.file("bare.ply"));

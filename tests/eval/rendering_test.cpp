@@ -196,6 +196,34 @@ TEST(Views, AnOrbitSeesEveryGaussianUpright) {
   expect_error([&] { orbit_views(model, {0}, "up"); }, {"'up'", "-y"});
 }
 
+TEST(Views, ASwayingCameraCirclesAroundWhatItLooksAt) {
+  HostModel model = small_model(true);
+  std::vector<float>& means = model.groups.at("means");
+  for (size_t i = 0; i < model.count; ++i) {  // 4 before the cameras
+    means[3 * i] = 0.1f * float(i % 3), means[3 * i + 1] = 0, means[3 * i + 2] = 4;
+  }
+  Camera camera;
+  camera.width = 40, camera.height = 30, camera.fx = camera.fy = 30, camera.cx = 20, camera.cy = 15;
+  const std::vector<Camera> cameras{camera, camera};
+  const auto views =
+      swaying_views(camera_views(cameras, parse_times("0:1:9"), nullptr), model, 10, 8);
+  ASSERT_EQ(views.size(), 9u);  // one camera only
+  const Eigen::Vector3d target(0, 0, 4);
+  double most_side = 0, most_up = 0;
+  for (const RenderView& view : views) {
+    const Eigen::Vector3d from = view.camera.position() - target;
+    EXPECT_LT((view.camera.project(target) - Eigen::Vector2d(20, 15)).norm(), 1e-9);
+    EXPECT_NEAR(from.norm(), 4, 1e-9);
+    most_side = std::max(most_side, std::asin(std::fabs(from.x()) / 4) / degree);
+    most_up = std::max(most_up, std::asin(std::fabs(from.y()) / 4) / degree);
+    EXPECT_EQ(view.movie, "sway");
+  }
+  EXPECT_NEAR(most_side, 10, 0.1);
+  EXPECT_NEAR(most_up, 5, 0.1);
+  EXPECT_LT((views[8].camera.viewmat - views[0].camera.viewmat).norm(), 1e-9);  // a whole circle
+  EXPECT_EQ(views[4].time, 0.5);
+}
+
 // --- rendering
 
 TEST(RenderViews, WritesEveryKindOfImageAndTheVideos) {
