@@ -151,16 +151,20 @@ double usual_depth(const Scene& scene) {
 
 // Where what rests and the paths of what moves are known before the first step, training few frames
 // first would gain nothing, and large steps of the field would lose the paths. A hand moves a
-// camera little compared with the size of what it films, so Gaussians are large for the extent.
-// More than one step on what moves for each on a whole image fits it to single images.
+// camera little compared with the size of what it films, so sizes and steps follow the depth where
+// the extent is smaller. More than one step on what moves for each on a whole image fits it to
+// single images.
 TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
   if (!begins_with_background(scene, config)) return config;
   config.cameras.start = 0;
   config.motion.hexplane.warmup = 0;
   config.motion.hexplane.curriculum = 0;
   config.train.focus = std::min(config.train.focus, 1);
-  config.density.prune_scale *= float(std::max(1.0, usual_depth(scene) / scene.extent));
+  const float deep = float(std::max(1.0, usual_depth(scene) / scene.extent));
   LearningRateOptions& lr = config.lr;
+  for (float* of_extent : {&config.density.prune_scale, &config.density.split_scale, &lr.means,
+                           &lr.means_final, &config.motion.hexplane.means})
+    *of_extent *= deep;
   for (float* rate : {&lr.planes, &lr.planes_final, &lr.network, &lr.network_final}) *rate *= 0.1f;
   return config;
 }
