@@ -16,7 +16,7 @@ namespace {
 constexpr size_t kPlanesGroup = 64;
 // Least thickness of the box, of its longest side. What moves may begin as flat as a sheet, when all
 // of it lies at one depth: in a box as thin, a step of training would carry it past whole cells.
-constexpr float kThinnest = 0.25f;
+constexpr float kThinnest = 0.1f;
 
 // The weights of the rows at time t / duration. A spline goes on straight beyond both ends: row -1
 // is 2 row 0 - row 1.

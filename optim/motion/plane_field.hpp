@@ -27,7 +27,7 @@ void set_field_static(const HexplaneShape& shape, HostGroups& groups, uint32_t s
 bool is_field_static(const HexplaneShape& shape, const HostGroups& groups);
 
 // Sets the box of the planes to the range of xyz [n, 3], without 1 % of the points at each end of
-// each axis, enlarged by the factor 1 + slack, and no side shorter than a quarter of the longest.
+// each axis, enlarged by the factor 1 + slack, and no side shorter than a tenth of the longest.
 void set_box(HexplaneShape& shape, const std::vector<float>& xyz, float slack);
 
 // MotionModel::numbers and kept_numbers of the field, and how they are set.

@@ -282,7 +282,7 @@ TEST(Hexplane, TheBoxOfAFlatCloudIsNotAsFlat) {
   HexplaneShape shape;
   set_box(shape, xyz, 0);
   EXPECT_EQ(shape.half_size[0], 98);
-  EXPECT_EQ(shape.half_size[1], 0.25f * 98);
+  EXPECT_EQ(shape.half_size[1], 0.1f * 98);
   EXPECT_NEAR(shape.half_size[2], 0.3 * 98, 1e-4);
 }
 
