@@ -17,6 +17,7 @@
 
 #include "optim/guidance/guidance.hpp"
 #include "runtime/base/interrupt.hpp"
+#include "runtime/base/running_program.hpp"
 
 namespace gflow {
 namespace {
@@ -31,13 +32,10 @@ int left_until(Clock::time_point end) {
 
 std::string in_seconds(Milliseconds time) { return fmt::format("{:g}", time.count() / 1000.0); }
 
-// How a process ended, in a shell user's terms.
+// In a shell user's terms.
 std::string ending(int status) {
-  if (WIFEXITED(status)) {
-    const int code = WEXITSTATUS(status);
-    return fmt::format("exited with code {}{}", code, code == 127 ? " (command not found)" : "");
-  }
-  return fmt::format("was killed by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
+  const bool missing = WIFEXITED(status) && WEXITSTATUS(status) == 127;
+  return ending_of(status) + (missing ? " (command not found)" : "");
 }
 
 struct SpawnSettings {
