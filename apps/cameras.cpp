@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 struct CamerasFlags {
   SceneOptions scene;
   FindCameras how;
-  std::string output;
+  std::string method = "tracks", output;
 };
 
 void require_empty(const std::string& folder) {
@@ -31,6 +31,7 @@ void run_cameras(const CamerasFlags& flags, const GlobalOptions& global) {
   require_no_folder_of_run(flags.output);
   require_empty(flags.output);
   FindCameras how = flags.how;
+  how.method = value_named<CameraMethod>(flags.method);
   how.quiet = global.quiet;
   find_cameras(load_video(flags.scene), flags.scene, how, flags.output);
 }
@@ -49,6 +50,11 @@ void add_cameras(CLI::App& app, const GlobalOptions& global) {
       ->check(path_given())
       ->required()
       ->type_name("SCENE");
+  command
+      ->add_option("--method", flags->method,
+                   "tracks: follow points through the video; colmap: run the program COLMAP, which "
+                   "must be installed (apt install colmap), also for photographs in any order")
+      ->check(choice_of({"tracks", "colmap"}));
   command->add_option("-r,--resolution", flags->scene.resolution, "Divisor of the image size")
       ->check(choice_of({"1", "2", "4", "8"}));
   command->add_option("--stride", flags->scene.stride, "Use every n-th frame")

@@ -49,8 +49,6 @@ class SceneWriter {
   }
 
  private:
-  static std::string image_name(size_t frame) { return fmt::format("{:05}.png", frame); }
-
   template <class Use>
   void for_views(size_t track, Use&& use) const {
     const FeatureTrack& t = tracks_[track];
@@ -200,6 +198,8 @@ class SceneWriter {
 };
 
 }  // namespace
+
+std::string image_name(size_t frame) { return fmt::format("{:05}.png", frame); }
 
 void write_camera_scene(const std::string& folder, const LoadedScene& video,
                         const std::vector<FeatureTrack>& tracks, const CameraPath& path,

@@ -10,6 +10,9 @@
 
 namespace gflow {
 
+// Name of the image of a frame, "00012.png".
+std::string image_name(size_t frame);
+
 // Frame k of the video has pose k of the path, and is left out without.
 // Images are stored as PNG. The folder is made; files in it are replaced. progress: in images.
 void write_camera_scene(const std::string& folder, const LoadedScene& video,

@@ -10,12 +10,15 @@
 #include <functional>
 
 #include "optim/cameras/camera_scene.hpp"
+#include "optim/cameras/colmap.hpp"
 #include "optim/cameras/reconstruction.hpp"
 #include "optim/cameras/two_views.hpp"
 #include "optim/cameras/upright.hpp"
 #include "optim/scene/readers/given_cameras.hpp"
+#include "runtime/base/interrupt.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
+#include "runtime/base/unfinished_file.hpp"
 #include "runtime/base/warning.hpp"
 #include "runtime/files/atomic_file.hpp"
 
@@ -47,11 +50,12 @@ std::vector<std::string> gaps_of(const CameraPath& path) {
   return gaps;
 }
 
-void warn_of_gaps(const std::vector<FeatureTrack>& tracks, const CameraPath& path) {
+// breaks: frames before which nearly all tracks end.
+void warn_of_gaps(const CameraPath& path, const std::vector<int>& breaks) {
   const std::vector<std::string> gaps = gaps_of(path);
   if (gaps.empty()) return;
   std::string why;
-  for (const int frame : breaks_of(tracks, int(path.poses.size())))
+  for (const int frame : breaks)
     why += fmt::format("; nearly all points are lost between frames {} and {}", frame - 1, frame);
   print_status("gflow: warning: frames {} could not be placed and are left out{}\n",
                fmt::join(gaps, ", "), why);
@@ -60,21 +64,50 @@ void warn_of_gaps(const std::vector<FeatureTrack>& tracks, const CameraPath& pat
 // The finished scene takes its name at once.
 void write_scene(const std::string& folder, const std::function<void(const std::string&)>& write) {
   const std::string unfinished = folder + ".unfinished";
+  const UnfinishedFile noted(unfinished);
   fs::remove_all(unfinished);
-  write(unfinished);
-  if (fs::path(folder).has_parent_path()) fs::create_directories(fs::path(folder).parent_path());
-  fs::remove_all(folder);
-  fs::rename(unfinished, folder);
+  try {
+    write(unfinished);
+    if (fs::path(folder).has_parent_path()) fs::create_directories(fs::path(folder).parent_path());
+    fs::remove_all(folder);
+    fs::rename(unfinished, folder);
+  } catch (...) {
+    std::error_code problem;
+    fs::remove_all(unfinished, problem);
+    throw;
+  }
 }
 
-ReconstructionOptions options_of(const FindCameras& how, const Camera& size, size_t frames) {
+double focal_of(const FindCameras& how, const Camera& size) {
+  return how.fovy > 0 ? 0.5 * size.height / std::tan(0.5 * how.fovy * degree) : 0;
+}
+
+TrackedPath find_by_tracks(const LoadedScene& video, const FindCameras& how) {
+  const std::vector<Frame>& frames = video.scene.train;
+  const Camera& size = video.frames->camera(frames[0]);
+  TrackedPath found;
+  found.tracks = follow(frames, *video.frames, how.quiet);
   ReconstructionOptions options;
-  options.frames = int(frames);
+  options.frames = int(frames.size());
   options.width = size.width;
   options.height = size.height;
   options.radial = how.radial;
-  if (how.fovy > 0) options.focal = 0.5 * size.height / std::tan(0.5 * how.fovy * degree);
-  return options;
+  options.focal = focal_of(how, size);
+  Progress placing("cameras", options.frames, how.quiet);
+  options.progress = progress_callback(placing);
+  found.path = reconstruct(found.tracks, options);
+  placing.finish();
+  return found;
+}
+
+ColmapResult find_by_colmap(const LoadedScene& video, const FindCameras& how,
+                            const std::string& folder) {
+  ColmapOptions options;
+  options.focal = focal_of(how, video.frames->camera(video.scene.train[0]));
+  options.radial = how.radial;
+  options.quiet = how.quiet;
+  options.kept_log = folder + ".colmap.log";
+  return reconstruct_with_colmap(video, options);
 }
 
 void report(const std::string& folder, const std::vector<FeatureTrack>& tracks,
@@ -118,26 +151,34 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
     throw Error(fmt::format("finding the cameras of {}: it has {} frame{}, at least {} are needed",
                             video.scene.folder, frames.size(), frames.size() == 1 ? "" : "s",
                             kLeastFrames));
-  const std::vector<FeatureTrack> tracks = follow(frames, *video.frames, how.quiet);
-  const Camera& size = video.frames->camera(frames[0]);
-  ReconstructionOptions reconstruction = options_of(how, size, frames.size());
-  Progress placing("cameras", reconstruction.frames, how.quiet);
-  reconstruction.progress = progress_callback(placing);
-  CameraPath path;
+  const bool by_colmap = how.method == CameraMethod::colmap;
+  TrackedPath found;
+  std::string log;
   try {
-    path = reconstruct(tracks, reconstruction);
+    if (by_colmap) {
+      ColmapResult result = find_by_colmap(video, how, folder);
+      found = std::move(result.found);
+      log = std::move(result.log);
+    } else {
+      found = find_by_tracks(video, how);
+    }
+  } catch (const Interrupted&) {
+    throw;
   } catch (const Error& problem) {
     throw Error(fmt::format("finding the cameras of {}: {}", video.scene.folder, problem.what()));
   }
-  placing.finish();
+  const std::vector<FeatureTrack>& tracks = found.tracks;
+  CameraPath& path = found.path;
   make_upright(tracks, path);
-  warn_of_gaps(tracks, path);
+  // COLMAP's tracks also span frames that do not show them, so that they reveal no breaks.
+  warn_of_gaps(path, by_colmap ? std::vector<int>{} : breaks_of(tracks, int(frames.size())));
   write_scene(folder, [&](const std::string& unfinished) {
-    Progress writing("images", reconstruction.frames, how.quiet);
+    Progress writing("images", long(frames.size()), how.quiet);
     write_camera_scene(unfinished, video, tracks, path, progress_callback(writing));
     write_file_atomically(unfinished + "/" + kMadeFrom, made_from(video.scene, options));
+    if (by_colmap) write_file_atomically(unfinished + "/colmap.log", log);
   });
-  report(folder, tracks, path, size.height);
+  report(folder, tracks, path, video.frames->camera(frames[0]).height);
 }
 
 }  // namespace gflow

@@ -2,13 +2,19 @@
 // From a video of one moving camera to a scene folder with its poses: tracks, reconstruction,
 // files.
 #pragma once
+#include <array>
 #include <string>
 
 #include "optim/scene/loaded_scene.hpp"
 
 namespace gflow {
 
+// tracks: gflow's own, of a video. colmap: by the program COLMAP, also of photographs in any order.
+enum class CameraMethod { tracks, colmap };
+constexpr std::array<const char*, 2> names_of(CameraMethod) { return {"tracks", "colmap"}; }
+
 struct FindCameras {
+  CameraMethod method = CameraMethod::tracks;
   double fovy = 0;      // vertical field of view [degrees]; 0: estimated
   bool radial = false;  // estimate radial lens distortion
   bool quiet = false;   // no progress lines
@@ -26,7 +32,8 @@ LoadedScene load_video(const SceneOptions& options);
 // Finds the poses of a loaded video and writes the scene (camera_scene.hpp) as `folder`, which must
 // be new or empty and appears complete or not at all. Warns of frames that could not be placed, and
 // prints what was found. Error if the camera does not move, only turns, or there are too few
-// frames.
+// frames. If COLMAP fails, its output is kept as `folder`.colmap.log; otherwise it is colmap.log in
+// the scene.
 void find_cameras(const LoadedScene& video, const SceneOptions& options, const FindCameras& how,
                   const std::string& folder);
 
