@@ -180,9 +180,10 @@ std::vector<FramePair> pairs_of(const std::vector<int>& keyframes,
 FirstPair first_pair(const std::vector<FramePair>& pairs, const std::vector<FeatureTrack>& tracks,
                      const SharedLens& lens, double pixel_scale) {
   if (pairs.empty())
-    throw Error(fmt::format(
-        "no two frames show {} common points: the images have too little texture or too much blur",
-        kLeastMatches));
+    throw Error(
+        fmt::format("no two frames show {} common points: the images have too little texture, too "
+                    "much blur or no order (`gflow cameras --method colmap` needs none)",
+                    kLeastMatches));
   PairGeometry best;
   FramePair frames;
   for (const FramePair& pair : pairs) {
