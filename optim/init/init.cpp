@@ -138,7 +138,7 @@ FirstPoints random_points(const Scene& scene, FrameStore& frames,
   const Eigen::Vector3d centre = focus_point(scene);
   const double half = 0.5 * config.init.box * scene.extent;
   const bool one_pose =
-      is_permanent(motion_model(scene, config.motion));  // the pose in the middle of the video
+      is_permanent(motion_model(scene, config));  // the pose in the middle of the video
   FirstPoints points;
   const uint tries = uint(std::min<size_t>(100 * count, 4000000));
   for (uint i = 0; i < tries && points.size() < count; ++i) {
@@ -294,9 +294,11 @@ std::vector<float> neighbour_distance(const std::vector<float>& xyz) {
   return distance;
 }
 
-MotionModelKind motion_model(const Scene& scene, const MotionOptions& config) {
-  if (config.model != MotionChoice::automatic)
-    return MotionModelKind(int(config.model) - int(choice_of(MotionModelKind{})));
+MotionModelKind motion_model(const Scene& scene, const TrainOptions& config) {
+  const MotionChoice choice = config.motion.model;
+  if (choice != MotionChoice::automatic)
+    return MotionModelKind(int(choice) - int(choice_of(MotionModelKind{})));
+  if (begins_with_background(scene, config)) return MotionModelKind::keyframes;
   const bool alone = scene.steps > 1 && scene.train.size() < 2 * size_t(scene.steps);
   return alone ? MotionModelKind::nodes : MotionModelKind::spacetime;
 }
@@ -304,7 +306,7 @@ MotionModelKind motion_model(const Scene& scene, const MotionOptions& config) {
 ModelShape model_shape(const Scene& scene, const TrainOptions& config) {
   ModelShape shape;
   static_cast<MotionShape&>(shape) =
-      motion_shape(motion_model(scene, config.motion), config.motion, scene.steps);
+      motion_shape(motion_model(scene, config), config.motion, scene.steps);
   shape.sh_degree = config.motion.sh_degree;
   shape.origin = scene.origin;
   shape.duration = float(config.motion.duration * scene.extent);

@@ -28,9 +28,9 @@ void require_init_file(const TrainOptions& config);
 // Throws the Error that initial_model would throw because the scene lacks what init.from asks for.
 void require_first_points(const Scene& scene, const InitOptions& init);
 // The motion model: the one of the settings, or the one that suits the scene. If one camera at a
-// time sees the scene, only a canonical pose constrains Gaussians that are not seen
-// (optim/motion/README.md).
-MotionModelKind motion_model(const Scene& scene, const MotionOptions& config);
+// time sees the scene, only a canonical pose constrains Gaussians that are not seen, unless they
+// begin on known paths (optim/motion/README.md).
+MotionModelKind motion_model(const Scene& scene, const TrainOptions& config);
 // Shape of the model, from settings and scene.
 ModelShape model_shape(const Scene& scene, const TrainOptions& config);
 

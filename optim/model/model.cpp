@@ -108,10 +108,7 @@ MotionModelKind kind_of(const PlyTable& table, const std::string& path) {
 // Whether a file must say which Gaussians move: motion of their own is 0 where they do not.
 constexpr const char* moves_property = "moves";
 bool stores_moves(const HostModel& model) {
-  const std::vector<TableSpec> tables = motion_tables(model.shape);
-  const bool has_keys = std::any_of(tables.begin(), tables.end(),
-                                    [](const TableSpec& table) { return table.keys > 0; });
-  return model.num_moving() < model.count && motion_columns(model.shape).empty() && !has_keys;
+  return model.num_moving() < model.count && motion_columns(model.shape).empty();
 }
 
 // Sorts the rows of a table so that those of Gaussians that move are first; returns their number.

@@ -49,7 +49,8 @@ struct MotionOptions {
           "spacetime: curved paths and rotation; native4d: 4D Gaussians; keyframes: free paths "
           "through keys; bases: a few rigid motions shared by all; hexplane: one pose and a field "
           "that shifts it; nodes: such a field moves nodes, and Gaussians follow the nearest; "
-          "auto: nodes where one camera at a time sees the scene, else spacetime");
+          "auto: keyframes for one moving camera, nodes where one camera at a time sees the scene "
+          "otherwise, else spacetime");
     field("keys", self.keys, "keyframes, bases: number of keys in time; 0: one per time step",
           between(0, 10000));
     field("key_scales", self.key_scales, "keyframes: scales have keys, too");

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "optim/init/init.hpp"
 #include "optim/movers/follow_paths.hpp"
@@ -13,7 +12,6 @@
 namespace gflow {
 namespace {
 
-constexpr int kLeastSteps = 8;            // time steps of the video
 constexpr size_t kLeastAtRest = 500;      // points; of a usual video there are thousands
 constexpr double kBackgroundShare = 0.7;  // of density.cap
 constexpr float kOpacity = 0.8f;          // of Gaussians on paths
@@ -64,15 +62,6 @@ void append_background(HostModel& model, const HostModel& background) {
 }
 
 }  // namespace
-
-bool begins_with_background(const Scene& scene, const TrainOptions& options) {
-  if (options.init.background == 0 || scene.has_alpha || options.train.sequential) return false;
-  if (scene.steps < kLeastSteps || scene.train.size() >= 2 * size_t(scene.steps)) return false;
-  if (options.init.begins_from_file()) return false;
-  std::set<int> poses;
-  for (const Frame& frame : scene.train) poses.insert(frame.camera);
-  return poses.size() > scene.train.size() / 2;
-}
 
 std::optional<MovingScene> moving_scene(Queue& queue, const Scene& scene, FrameStore& store,
                                         const TrainOptions& options, const TrainModel& train,

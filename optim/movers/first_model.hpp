@@ -8,10 +8,6 @@
 
 namespace gflow {
 
-// Whether a training begins with such a model (init.background): the camera of a scene without
-// alpha moves, and there is one image at a time.
-bool begins_with_background(const Scene& scene, const TrainOptions& options);
-
 struct MovingScene {
   HostModel model;  // Gaussians of what moves first; the others are static
   MotionMasks masks;

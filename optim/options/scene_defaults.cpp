@@ -2,6 +2,7 @@
 #include "optim/options/scene_defaults.hpp"
 
 #include <algorithm>
+#include <set>
 
 #include "optim/model/model.hpp"
 
@@ -26,6 +27,16 @@ TrainOptions with_scene_defaults(TrainOptions options, const Scene& scene) {
       options.density.cap = std::max(options.density.cap, int(read_model(options.init.file).count));
   }
   return options;
+}
+
+bool begins_with_background(const Scene& scene, const TrainOptions& options) {
+  constexpr int least_steps = 8;
+  if (options.init.background == 0 || scene.has_alpha || options.train.sequential) return false;
+  if (scene.steps < least_steps || scene.train.size() >= 2 * size_t(scene.steps)) return false;
+  if (options.init.begins_from_file()) return false;
+  std::set<int> poses;
+  for (const Frame& frame : scene.train) poses.insert(frame.camera);
+  return poses.size() > scene.train.size() / 2;
 }
 
 }  // namespace gflow

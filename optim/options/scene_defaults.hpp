@@ -15,4 +15,8 @@ TrainOptions with_scene_defaults(TrainOptions options, const Scene& scene);
 // and at least 30000.
 int default_cap(const Scene& scene, int resolution);
 
+// Whether a training begins with what rests (optim/movers, init.background): the camera of a scene
+// without alpha moves, and there is one image at a time.
+bool begins_with_background(const Scene& scene, const TrainOptions& options);
+
 }  // namespace gflow

@@ -8,6 +8,7 @@
 #include "optim/images/image_header.hpp"
 #include "optim/init/init.hpp"
 #include "optim/objectives/camera_objective.hpp"
+#include "optim/options/scene_defaults.hpp"
 #include "optim/runs/evaluate_run.hpp"
 #include "optim/runs/replacement.hpp"
 #include "optim/runs/train_steps.hpp"

@@ -103,7 +103,7 @@ void warn_of_idle_settings(const Scene& scene, const TrainOptions& config) {
   if (!config.scene.cameras.empty() && !takes_cameras(scene.layout))
     warn(fmt::format("scene.cameras = \"{}\" has no effect: scene '{}' has its own cameras ({})",
                      config.scene.cameras, scene.name, scene.layout));
-  const MotionModelKind model = motion_model(scene, config.motion);
+  const MotionModelKind model = motion_model(scene, config);
   const MotionModel& traits = motion_model_of(model);
   const char* const name = traits.name;
   if (config.motion.keys > 0 && !has_number(traits, "keys"))
