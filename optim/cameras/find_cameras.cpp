@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "optim/cameras/camera_scene.hpp"
 #include "optim/cameras/colmap.hpp"
@@ -56,7 +57,10 @@ void warn_of_gaps(const CameraPath& path, const std::vector<int>& breaks) {
   if (gaps.empty()) return;
   std::string why;
   for (const int frame : breaks)
-    why += fmt::format("; nearly all points are lost between frames {} and {}", frame - 1, frame);
+    why += fmt::format(
+        "; nearly all points are lost between frames {} and {}, as at a cut: scenes of a video are "
+        "found one by one, from parts of it",
+        frame - 1, frame);
   print_status("gflow: warning: frames {} could not be placed and are left out{}\n",
                fmt::join(gaps, ", "), why);
 }
@@ -110,18 +114,75 @@ ColmapResult find_by_colmap(const LoadedScene& video, const FindCameras& how,
   return reconstruct_with_colmap(video, options);
 }
 
-void report(const std::string& folder, const std::vector<FeatureTrack>& tracks,
-            const CameraPath& path, int height) {
-  const ReprojectionStatistics s = statistics_of(tracks, path);
-  const auto placed = std::count_if(path.poses.begin(), path.poses.end(),
-                                    [](const auto& pose) { return pose.has_value(); });
-  print_result("frames    {} of {} placed\n", placed, path.poses.size());
-  print_result("focal     {:.1f} px, vertical field of view {:.1f} degrees\n", path.lens.focal,
-               2 * std::atan(0.5 * height / path.lens.focal) / degree);
-  if (path.lens.k1 != 0) print_result("radial    k1 {:.4f}\n", path.lens.k1);
+// Whether a focal length a tenth longer or shorter explains the tracks clearly worse. A camera that
+// moves to the side without turning leaves that open: all depths may be longer as well.
+bool focal_is_certain(const std::vector<FeatureTrack>& tracks, const CameraPath& path) {
+  constexpr double clearly = 1.05;  // of the mean robust error
+  const auto error_at = [&](double factor) {
+    CameraPath other = path;
+    other.lens.focal *= factor;
+    BundleOptions how;
+    how.refine_focal = false;
+    how.iterations = 10;
+    return adjust_bundle(tracks, how, other);
+  };
+  const double error = error_at(1);
+  return std::min(error_at(1.1), error_at(1 / 1.1)) > clearly * error;
+}
+
+// What was found, in words and as statistics.json of the scene.
+struct Findings {
+  size_t frames = 0, placed = 0;
+  std::vector<std::string> left_out;
+  SharedLens lens;
+  double fovy = 0;  // [degrees]
+  bool focal_is_certain = true;
+  ReprojectionStatistics reprojection;
+};
+
+Findings findings_of(const std::vector<FeatureTrack>& tracks, const CameraPath& path, int height,
+                     bool focal_is_given) {
+  Findings f;
+  f.frames = path.poses.size();
+  f.placed = size_t(std::count_if(path.poses.begin(), path.poses.end(),
+                                  [](const auto& pose) { return pose.has_value(); }));
+  f.left_out = gaps_of(path);
+  f.lens = path.lens;
+  f.fovy = 2 * std::atan(0.5 * height / path.lens.focal) / degree;
+  f.focal_is_certain = focal_is_given || focal_is_certain(tracks, path);
+  f.reprojection = statistics_of(tracks, path);
+  return f;
+}
+
+std::string statistics_json(const Findings& f) {
+  const nlohmann::ordered_json json{{"frames", f.frames},
+                                    {"placed", f.placed},
+                                    {"left_out", f.left_out},
+                                    {"focal", f.lens.focal},
+                                    {"fovy", f.fovy},
+                                    {"focal_is_certain", f.focal_is_certain},
+                                    {"k1", f.lens.k1},
+                                    {"points", f.reprojection.points},
+                                    {"observations", f.reprojection.observations},
+                                    {"reprojection_median", f.reprojection.median},
+                                    {"reprojection_mean", f.reprojection.mean}};
+  return json.dump(1) + "\n";
+}
+
+void report(const std::string& folder, const Findings& f) {
+  print_result("frames    {} of {} placed\n", f.placed, f.frames);
+  print_result("focal     {:.1f} px, vertical field of view {:.1f} degrees\n", f.lens.focal,
+               f.fovy);
+  if (f.lens.k1 != 0) print_result("radial    k1 {:.4f}\n", f.lens.k1);
   print_result("points    {} seen {} times, reprojection error {:.2f} px median, {:.2f} mean\n",
-               s.points, s.observations, s.median, s.mean);
+               f.reprojection.points, f.reprojection.observations, f.reprojection.median,
+               f.reprojection.mean);
   print_result("written   {}\n", folder);
+  if (!f.focal_is_certain)
+    print_status(
+        "gflow: warning: the camera turns too little for its focal length to be certain: one a "
+        "tenth longer or shorter agrees with the images as well, and depths change with it; give "
+        "--fovy if it is known\n");
 }
 
 }  // namespace
@@ -172,13 +233,16 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
   make_upright(tracks, path);
   // COLMAP's tracks also span frames that do not show them, so that they reveal no breaks.
   warn_of_gaps(path, by_colmap ? std::vector<int>{} : breaks_of(tracks, int(frames.size())));
+  const Findings findings =
+      findings_of(tracks, path, video.frames->camera(frames[0]).height, how.fovy > 0);
   write_scene(folder, [&](const std::string& unfinished) {
     Progress writing("images", long(frames.size()), how.quiet);
     write_camera_scene(unfinished, video, tracks, path, progress_callback(writing));
     write_file_atomically(unfinished + "/" + kMadeFrom, made_from(video.scene, options));
+    write_file_atomically(unfinished + "/statistics.json", statistics_json(findings));
     if (by_colmap) write_file_atomically(unfinished + "/colmap.log", log);
   });
-  report(folder, tracks, path, video.frames->camera(frames[0]).height);
+  report(folder, findings);
 }
 
 }  // namespace gflow

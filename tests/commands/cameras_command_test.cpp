@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "optim/runs/run_folder.hpp"
+#include "optim/scene/json_file.hpp"
 #include "optim/scene/readers/colmap_model.hpp"
 #include "optim/scene/scene.hpp"
 #include "tests/support/camera_path.hpp"
@@ -41,6 +42,11 @@ TEST_F(CamerasCommand, WritesASceneWhoseCamerasAreThoseOfTheFilm) {
   const Outcome result = gflow({"cameras", film("film"), "-o", path("scene"), "--quiet"});
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_NE(result.out.find("16 of 16 placed"), std::string::npos) << result.out;
+  EXPECT_EQ(result.err.find("focal"), std::string::npos) << result.err;
+  const Json statistics = read_json(path("scene") + "/statistics.json");
+  EXPECT_EQ(statistics["placed"], 16);
+  EXPECT_EQ(statistics["focal_is_certain"], true);
+  EXPECT_LT(statistics["reprojection_median"], 0.5);
 
   SceneOptions options;
   options.test_every = 0;
@@ -77,6 +83,22 @@ TEST_F(CamerasCommand, ACameraThatStandsStillIsToldAndNothingIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(path("scene")));
 }
 
+TEST_F(CamerasCommand, SaysWhenTheFocalLengthIsNotCertain) {
+  const Eigen::Isometry3d middle = pose_on_arc(8, kFilmed);
+  for (int k = 0; k < 8; ++k)  // to the side, without turning
+    write_png(folder().file(fmt::format("side/{}.png", k)),
+              image_of_room(Eigen::Translation3d(0.15 * k - 0.5, 0, 0) * middle, kFilmFocal,
+                            kFilmWidth, kFilmHeight));
+  const Outcome free = gflow({"cameras", path("side"), "-o", path("free"), "--quiet"});
+  ASSERT_EQ(free.code, 0) << free.err;
+  EXPECT_NE(free.err.find("--fovy"), std::string::npos) << free.err;
+  EXPECT_EQ(read_json(path("free") + "/statistics.json")["focal_is_certain"], false);
+  const Outcome given =
+      gflow({"cameras", path("side"), "-o", path("given"), "--fovy", "43", "--quiet"});
+  ASSERT_EQ(given.code, 0) << given.err;
+  EXPECT_EQ(given.err.find("--fovy"), std::string::npos) << given.err;
+}
+
 // Six frames upside down follow.
 TEST_F(CamerasCommand, FramesAfterACutAreNamedAndLeftOut) {
   const std::string film_folder = film("film");
@@ -89,7 +111,8 @@ TEST_F(CamerasCommand, FramesAfterACutAreNamedAndLeftOut) {
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_NE(result.out.find("16 of 22 placed"), std::string::npos) << result.out;
   EXPECT_NE(result.err.find("frames 16 to 21"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("between frames 15 and 16"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("between frames 15 and 16, as at a cut"), std::string::npos)
+      << result.err;
   EXPECT_EQ(read_colmap_model(path("scene") + "/sparse/0").images.size(), size_t(kFilmed));
 }
 
