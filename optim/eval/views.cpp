@@ -107,6 +107,40 @@ double usual_depth(const std::vector<RenderView>& views, const HostModel& model)
   return depths.empty() ? 1 : quantile(std::move(depths), 0.5);
 }
 
+// The camera at `share` of the way from a to b.
+Camera between(const Camera& a, const Camera& b, double share) {
+  using Eigen::Quaterniond;
+  const Quaterniond from(a.viewmat.topLeftCorner<3, 3>().eval());
+  const Quaterniond to(b.viewmat.topLeftCorner<3, 3>().eval());
+  const Eigen::Matrix3d r = from.slerp(share, to).toRotationMatrix();
+  Camera camera = a;
+  camera.viewmat.topLeftCorner<3, 3>() = r;
+  camera.viewmat.topRightCorner<3, 1>() = -r * ((1 - share) * a.position() + share * b.position());
+  return camera;
+}
+
+// Views in order of time, with more where images are held back: the usual time step apart.
+std::vector<RenderView> without_gaps(const std::vector<RenderView>& views) {
+  std::vector<float> steps;
+  for (size_t k = 1; k < views.size(); ++k)
+    steps.push_back(float(views[k].time - views[k - 1].time));
+  const double step = steps.empty() ? 0 : quantile(steps, 0.5);
+  std::vector<RenderView> path;
+  for (size_t k = 0; k < views.size(); ++k) {
+    path.push_back(views[k]);
+    if (k + 1 == views.size() || step <= 0) continue;
+    const double gap = views[k + 1].time - views[k].time;
+    const long missing = std::lround(gap / step) - 1;
+    for (long j = 1; j <= missing; ++j) {
+      const double share = double(j) / double(missing + 1);
+      path.push_back(views[k]);
+      path.back().time += share * gap;
+      path.back().camera = between(views[k].camera, views[k + 1].camera, share);
+    }
+  }
+  return path;
+}
+
 // A camera turned around the point `depth` ahead of it [radians].
 Camera turned(Camera camera, double depth, double to_side, double up) {
   using Eigen::AngleAxisd, Eigen::Vector3d;
@@ -262,13 +296,16 @@ std::vector<RenderView> swaying_views(const std::vector<RenderView>& views, cons
     if (view.movie == views[0].movie && (path.empty() || view.time >= path.back().time))
       path.push_back(view);
   const double depth = usual_depth(path, model), most = degrees * degree;
+  path = without_gaps(path);
+  const double circle = std::min(per_circle, double(path.size()));
   for (size_t k = 0; k < path.size(); ++k) {
     RenderView& view = path[k];
-    const double at = 2 * M_PI * double(k) / per_circle;
+    const double at = 2 * M_PI * double(k) / circle;
     view.name = fmt::format("sway_{:04}", k);
     view.movie = "sway";
     view.camera = turned(view.camera, depth, most * std::sin(at), most / 2 * std::cos(at));
     view.camera_t2 = view.camera;
+    view.time_t2 = k + 1 < path.size() ? path[k + 1].time : -1;
     view.truth = view.truth_t2 = nullptr;
   }
   return path;

@@ -51,8 +51,9 @@ std::vector<RenderView> orbit_views(const HostModel& model, const std::vector<do
 
 // The views of the first camera track, or of the first static camera, from a camera that circles
 // around each of their poses, `degrees` to each side and half as far up and down, once in
-// `per_circle` views, and looks at the same point, at the median depth of the Gaussians in view.
-// Flow is that of a static camera. They have no images.
+// `per_circle` views or in all if they are fewer, and looks at the same point, at the median depth
+// of the Gaussians in view. Times at which images are held back are filled in. Flow is that of a
+// static camera. They have no images.
 std::vector<RenderView> swaying_views(const std::vector<RenderView>& views, const HostModel& model,
                                       double degrees, double per_circle);
 

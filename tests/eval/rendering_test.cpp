@@ -222,6 +222,15 @@ TEST(Views, ASwayingCameraCirclesAroundWhatItLooksAt) {
   EXPECT_NEAR(most_up, 5, 0.1);
   EXPECT_LT((views[8].camera.viewmat - views[0].camera.viewmat).norm(), 1e-9);  // a whole circle
   EXPECT_EQ(views[4].time, 0.5);
+
+  // The circle ends with the video, and a time that is left out is filled in.
+  const auto all = camera_views({camera}, parse_times("0,0.25,0.75,1"), nullptr);
+  const auto filled = swaying_views(all, model, 10, 100);
+  ASSERT_EQ(filled.size(), 5u);
+  EXPECT_EQ(filled[2].time, 0.5);
+  const double fifth = 2 * M_PI / 5;
+  EXPECT_NEAR(std::fabs(filled[1].camera.position().x()),
+              4 * std::sin(10 * degree * std::sin(fifth)), 0.01);
 }
 
 // --- rendering
