@@ -296,8 +296,7 @@ void add_render(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--sway", flags->sway,
                    "Circle around each pose of the camera, so many degrees to each side, once in "
                    "four seconds or in a shorter video: shows depth; training views unless --split "
-                   "or --camera says "
-                   "otherwise")
+                   "or --camera says otherwise")
       ->check(zero_or_in(0.1, 45))
       ->type_name("DEGREES");
   command

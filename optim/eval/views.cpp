@@ -121,6 +121,7 @@ Camera between(const Camera& a, const Camera& b, double share) {
 
 // Views in order of time, with more where images are held back: the usual time step apart.
 std::vector<RenderView> without_gaps(const std::vector<RenderView>& views) {
+  constexpr long most_missing = 100;  // in a gap, if times are irregular
   std::vector<float> steps;
   for (size_t k = 1; k < views.size(); ++k)
     steps.push_back(float(views[k].time - views[k - 1].time));
@@ -130,7 +131,7 @@ std::vector<RenderView> without_gaps(const std::vector<RenderView>& views) {
     path.push_back(views[k]);
     if (k + 1 == views.size() || step <= 0) continue;
     const double gap = views[k + 1].time - views[k].time;
-    const long missing = std::lround(gap / step) - 1;
+    const long missing = std::lround(std::min(gap / step, double(most_missing + 1))) - 1;
     for (long j = 1; j <= missing; ++j) {
       const double share = double(j) / double(missing + 1);
       path.push_back(views[k]);

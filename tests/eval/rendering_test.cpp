@@ -228,6 +228,9 @@ TEST(Views, ASwayingCameraCirclesAroundWhatItLooksAt) {
   const auto filled = swaying_views(all, model, 10, 100);
   ASSERT_EQ(filled.size(), 5u);
   EXPECT_EQ(filled[2].time, 0.5);
+  // Times a millionth apart do not ask for a million views.
+  const auto uneven = camera_views({camera}, parse_times("0,1e-6,2e-6,1"), nullptr);
+  EXPECT_LT(swaying_views(uneven, model, 10, 100).size(), 200u);
   const double fifth = 2 * M_PI / 5;
   EXPECT_NEAR(std::fabs(filled[1].camera.position().x()),
               4 * std::sin(10 * degree * std::sin(fifth)), 0.01);
