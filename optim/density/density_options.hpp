@@ -64,7 +64,10 @@ struct DensityOptions {
     field("min_lifetime", self.min_lifetime,
           advanced("adc: shortest lifetime after a split [time steps]"), above(0));
     field("prune_scale", self.prune_scale,
-          advanced("adc: remove larger Gaussians [x scene extent]"), above(0));
+          advanced(
+              "adc: remove larger Gaussians [x scene extent, or x the median depth of the scene's "
+              "points where that is larger]"),
+          above(0));
     field("prune_hidden", self.prune_hidden,
           advanced("nodes, hexplane: remove Gaussians of which no training view shows this share, "
                    "others being in front; 0: off"),

@@ -102,6 +102,15 @@ double median_depth_of_points(const Scene& scene, int camera) {
   return *middle;
 }
 
+double size_of_scene(const Scene& scene) {
+  std::vector<double> depths;
+  const size_t stride = std::max<size_t>(1, scene.train.size() / 20);
+  for (size_t i = 0; i < scene.train.size(); i += stride)
+    depths.push_back(median_depth_of_points(scene, scene.train[i].camera));
+  std::nth_element(depths.begin(), depths.begin() + long(depths.size() / 2), depths.end());
+  return std::max(scene.extent, depths[depths.size() / 2]);
+}
+
 double depth_of_scene(const Scene& scene, int camera) {
   if (const double median = median_depth_of_points(scene, camera); median > 0) return median;
   const Camera& from = scene.cameras[size_t(camera)];

@@ -21,6 +21,10 @@ double median_depth_of_points(const Scene& scene, int camera);
 // The same, or without enough points the depth of focus_point(), or else Scene::extent; > 0.
 double depth_of_scene(const Scene& scene, int camera);
 
+// The median depth of the points in view, over the training images, or Scene::extent if that is
+// larger: cameras that stand close together see things that are large compared with their extent.
+double size_of_scene(const Scene& scene);
+
 // Size of a pixel of a training image at the depth of what it shows [scene units]: the median over
 // cameras, at the median depth of the points in view, without points at focus_point().
 // Precondition: there is a training image.

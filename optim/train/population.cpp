@@ -9,6 +9,7 @@
 #include "optim/density/memory.hpp"
 #include "optim/engine/random_streams.hpp"
 #include "optim/options/scene_defaults.hpp"
+#include "optim/scene/depths.hpp"
 #include "optim/train/curriculum.hpp"
 #include "shared/random.h"
 
@@ -35,7 +36,7 @@ DensityRule density_rule(const TrainOptions& config, const Scene& scene, const M
   DensityRule rule;
   static_cast<DensityOptions&>(rule) = options;
   if (is_permanent(shape.motion)) rule.grad_threshold = config.motion.hexplane.grad_threshold;
-  rule.prune_scale *= extent;
+  rule.prune_scale *= float(size_of_scene(scene));
   rule.noise /= extent * extent;  // the rate is in scene units, the covariance in their square
   rule.scale_weight /= extent;
   rule.cutoff = shape.cutoff;

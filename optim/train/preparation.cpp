@@ -139,19 +139,9 @@ FlowStore computed_flows(const TrainOptions& config, const LoadedScene& loaded,
   return flows;
 }
 
-// The median depth of the scene's points in view, over the training images; 0 without points.
-double usual_depth(const Scene& scene) {
-  std::vector<double> depths;
-  const size_t stride = std::max<size_t>(1, scene.train.size() / 20);
-  for (size_t i = 0; i < scene.train.size(); i += stride)
-    depths.push_back(median_depth_of_points(scene, scene.train[i].camera));
-  std::nth_element(depths.begin(), depths.begin() + long(depths.size() / 2), depths.end());
-  return depths[depths.size() / 2];
-}
-
 // Where what rests and the paths of what moves are known before the first step, training few frames
 // first would gain nothing, and large steps of the field would lose the paths. A hand moves a
-// camera little compared with the size of what it films, so sizes and steps follow the depth where
+// camera little compared with the size of what it films, so splits and steps follow the depth where
 // the extent is smaller. More than one step on what moves for each on a whole image fits it to
 // single images.
 TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
@@ -160,25 +150,14 @@ TrainOptions with_scene_known(TrainOptions config, const Scene& scene) {
   config.motion.hexplane.warmup = 0;
   config.motion.hexplane.curriculum = 0;
   config.train.focus = std::min(config.train.focus, 1);
-  const float deep = float(std::max(1.0, usual_depth(scene) / scene.extent));
+  const float deep = float(size_of_scene(scene) / scene.extent);
   LearningRateOptions& lr = config.lr;
-  for (float* of_extent : {&config.density.prune_scale, &config.density.split_scale, &lr.means,
-                           &lr.means_final, &config.motion.hexplane.means})
+  for (float* of_extent :
+       {&config.density.split_scale, &lr.means, &lr.means_final, &config.motion.hexplane.means})
     *of_extent *= deep;
   for (float* rate : {&lr.planes, &lr.planes_final, &lr.network, &lr.network_final}) *rate *= 0.1f;
   return config;
 }
-
-// Reports the steps that a training has made.
-class StepCounter : public TrainObserver {
- public:
-  StepCounter(const ProgressCallback& report, size_t steps) : report_(report), steps_(steps) {}
-  void after_step(TrainState& state) override { report_(size_t(state.done), steps_); }
-
- private:
-  const ProgressCallback& report_;
-  size_t steps_;
-};
 
 // A video without poses is trained as that of a static camera.
 void warn_of_moving_camera(const TrainOptions& config, const LoadedScene& loaded) {

@@ -4,8 +4,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "optim/train/trainer.hpp"
+#include "runtime/base/report.hpp"
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
@@ -45,6 +47,17 @@ class TrainObserver {
     (void)done;
     return false;
   }
+};
+
+// Reports the steps that a training has made, to a progress line for example.
+class StepCounter : public TrainObserver {
+ public:
+  StepCounter(ProgressCallback report, size_t steps) : report_(std::move(report)), steps_(steps) {}
+  void after_step(TrainState& state) override { report_(size_t(state.done), steps_); }
+
+ private:
+  ProgressCallback report_;
+  size_t steps_;
 };
 
 // Additions of a caller to a training run.

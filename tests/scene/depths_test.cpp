@@ -41,6 +41,16 @@ TEST(NearPlane, IsAQuarterOfTheNearestDepthOfPointsInView) {
   EXPECT_NEAR(near_plane_of(scene), 0.03, 0.002);
 }
 
+TEST(SizeOfScene, IsTheExtentOrTheDepthOfWhatCamerasSee) {
+  Scene scene = two_cameras();
+  EXPECT_EQ(size_of_scene(scene), 2);
+  add_points(scene, 101, 1);
+  EXPECT_EQ(size_of_scene(scene), 2);
+  scene.points = {};
+  add_points(scene, 101, 20);
+  EXPECT_NEAR(size_of_scene(scene), 20.5, 1e-9);
+}
+
 TEST(NearPlane, WithoutEnoughPointsFollowsTheSizeOfTheScene) {
   Scene scene = two_cameras();
   EXPECT_NEAR(near_plane_of(scene), 0.02, 1e-9);
