@@ -15,6 +15,7 @@
 namespace gflow {
 namespace {
 
+constexpr int kReportsWithoutFit = 10;
 constexpr size_t kCacheBytes = size_t{256} << 20;
 
 // Zero is no surface in a depth map, and infinitely far in a map of disparity.
@@ -165,10 +166,26 @@ DepthLossValue DepthObjective::value(Queue& queue) {
 
 void DepthObjective::report(Queue& queue, const Renderer&, LossReport& report) {
   const DepthLossValue last = value(queue);
+  warn_of_no_fit(last);
   if (has_depth_) report.loss += last.loss;
   report.terms.push_back({"depth_loss", last.loss, ""});
   report.terms.push_back(
       {"depth_error", last.error, fmt::format("depth {:.1f} %", 100 * last.error)});
+}
+
+// Files of depth read as disparity, or the reverse, have no fit with a scale above 0.
+void DepthObjective::warn_of_no_fit(const DepthLossValue& last) {
+  const DepthFiles files = options_.scene.depth;
+  if (!has_depth_ || files == DepthFiles::metric) return;
+  unfitted_ = last.pixels > 0 ? 0 : unfitted_ + 1;
+  if (unfitted_ != kReportsWithoutFit) return;
+  const bool disparity = files == DepthFiles::disparity;
+  warn(
+      fmt::format("the depth files of scene '{}' train nothing: no scale and shift fits them to "
+                  "what is rendered; scene.depth = {} means that values are larger where things "
+                  "are {}: is it {}?",
+                  scene_.name, name_of(files), disparity ? "nearer" : "farther",
+                  disparity ? "scaled" : "disparity"));
 }
 
 // The values are needed for the log of a step without depth.

@@ -36,6 +36,7 @@ class DepthObjective : public Objective {
   // median 0 and median deviation 1.
   DepthMap load(const Frame& frame) const;
   DepthLossValue value(Queue& queue);
+  void warn_of_no_fit(const DepthLossValue& last);
 
   const TrainOptions& options_;
   const Scene& scene_;
@@ -50,6 +51,7 @@ class DepthObjective : public Objective {
   bool has_depth_ = false;  // whether the view has depth
   bool is_new_ = false;     // value_ must be read again
   DepthLossValue value_;
+  int unfitted_ = 0;  // reports one after the other of views without a fit
 };
 
 }  // namespace gflow

@@ -127,6 +127,28 @@ TEST_F(DepthTraining, WarnsOfFilesThatSayNothingOrHaveAnotherUnit) {
   EXPECT_NE(warned().find("5 of 10 depth files have no depth"), std::string::npos);
 }
 
+TEST_F(DepthTraining, WarnsOfFilesThatCannotBeFitted) {
+  TrainOptions config = two_cameras(10);
+  config.init.from = InitFrom::points;
+  config.density.enabled = false;
+  config.loss.depth = 0.3f;
+  const auto warned = [&](DepthFiles files) {
+    config.scene.depth = files;
+    SmallTraining training(queue_, config);
+    testing::internal::CaptureStderr();
+    for (int i = 0; i < 10; ++i) {
+      training.steps(queue_, 1);
+      training.trainer.report(queue_);
+    }
+    return testing::internal::GetCapturedStderr();
+  };
+  for (const int c : {1, 2}) write_depth(c, [](float z) { return z; });
+  EXPECT_EQ(warned(DepthFiles::scaled), "");
+  const std::string warning = warned(DepthFiles::disparity);
+  EXPECT_NE(warning.find("train nothing"), std::string::npos) << warning;
+  EXPECT_NE(warning.find("is it scaled?"), std::string::npos) << warning;
+}
+
 // More than half of the pixels at one value; in any unit.
 TEST_F(DepthTraining, FitsDisparityThatIsMostlyClipped) {
   TrainOptions config = two_cameras(120);
