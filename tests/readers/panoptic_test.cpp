@@ -104,6 +104,9 @@ TEST(Panoptic, PointsAndSegmentsAreReadWhereAskedFor) {
   EXPECT_EQ(read_scene(folder.path()).points.rgb, scene.points.rgb);
   EXPECT_TRUE(scene.has_alpha);
   EXPECT_EQ(scene.train[4].mask_path, folder.file("seg/3/000001.png"));
+  std::filesystem::remove(folder.file("seg/3/000001.png"));
+  expect_error([&] { read_scene(folder.path(), options); },
+               {"train_meta.json", "3/000001.jpg", "no mask", "scene.masks = foreground"});
 }
 
 TEST(Panoptic, FilesThatContradictThemselvesAreRefused) {

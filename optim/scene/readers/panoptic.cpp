@@ -87,8 +87,12 @@ std::string file_in(const std::string& folder, const char* sub, const std::strin
 std::string mask_of(const std::string& folder, const std::string& image, const MetaFile& meta,
                     Masks meaning) {
   const std::string name = fs::path(image).replace_extension(".png").string();
-  if (meaning == Masks::foreground && !fs::exists(fs::path(folder) / "seg" / name)) return "";
-  return file_in(folder, "seg", name, meta);
+  if (fs::exists(fs::path(folder) / "seg" / name)) return file_in(folder, "seg", name, meta);
+  if (meaning == Masks::foreground) return "";
+  throw Error(fmt::format(
+      "{} lists image '{}', but there is no mask {}: scene.masks = foreground needs masks of "
+      "training images only",
+      meta.path, image, (fs::path(folder) / "seg" / name).string()));
 }
 
 // The Panoptic Studio has 511 cameras.
