@@ -21,6 +21,7 @@ inline std::vector<const char*> names_of(MotionChoice) {
 
 struct MotionOptions {
   MotionChoice model = MotionChoice::automatic;
+  int trial_steps = 0;
   int keys = 0;
   bool key_scales = false;
   int bases = 8;
@@ -50,7 +51,11 @@ struct MotionOptions {
           "through keys; bases: a few rigid motions shared by all; hexplane: one pose and a field "
           "that shifts it; nodes: such a field moves nodes, and Gaussians follow the nearest; "
           "auto: keyframes for one moving camera, nodes where one camera at a time sees the scene "
-          "otherwise, else spacetime");
+          "otherwise, else spacetime; or by trial_steps");
+    field("trial_steps", self.trial_steps,
+          "auto: choose the best on views held back in trainings of so many steps with spacetime, "
+          "keyframes, hexplane and nodes; 0: by the kind of scene",
+          at_least(0));
     field("keys", self.keys, "keyframes, bases: number of keys in time; 0: one per time step",
           between(0, 10000));
     field("key_scales", self.key_scales, "keyframes: scales have keys, too");

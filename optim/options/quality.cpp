@@ -15,7 +15,10 @@ void apply_quality(TrainOptions& config, const std::string& word) {
         fmt::format("quality must be {}, not '{}'", fmt::join(kQualities, " or "), excerpt(word)));
   if (word == "standard") config.train.iterations = TrainOptions{}.train.iterations;
   if (word == "draft") config.train.iterations = 2000;
-  if (word == "best") config.train.iterations = 60000;
+  if (word == "best") {
+    config.train.iterations = 60000;
+    config.motion.trial_steps = 2000;
+  }
 }
 
 }  // namespace gflow

@@ -10,6 +10,7 @@
 #include "optim/objectives/camera_objective.hpp"
 #include "optim/options/scene_defaults.hpp"
 #include "optim/runs/evaluate_run.hpp"
+#include "optim/runs/model_trials.hpp"
 #include "optim/runs/replacement.hpp"
 #include "optim/runs/train_steps.hpp"
 #include "optim/train/guidance_provider.hpp"
@@ -75,6 +76,13 @@ ModelShape shape_to_resume(const CheckpointFolder::Found& found, const Scene& sc
   if (!motion_model_of(shape.motion).kept_numbers.empty())
     enclose_as(shape, kept_shape(found.checkpoint, found.path, run));
   return shape;
+}
+
+// What motion.model was when the training began: auto only if no trials chose it.
+MotionChoice model_begun_with(const Checkpoint& checkpoint) {
+  TrainOptions begun;
+  apply_text(begun, checkpoint.facts.config, "the settings of a checkpoint");
+  return begun.motion.model;
 }
 
 void write_first_files(const RunFolder& files, const RunParts& parts) {
@@ -256,7 +264,7 @@ Evaluation only_evaluate(RunParts& parts) {
 Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder& run, bool quiet,
                      Start start, const TrainExtensions& extensions) {
   check(options);
-  const TrainOptions& config = options;
+  TrainOptions config = options;
   const std::unique_ptr<WarningsTo> warnings = warnings_to(extensions.observer);
   run.require_its_folders();
   std::unique_ptr<FileLock> lock;
@@ -272,6 +280,9 @@ Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder&
   require_inputs_elsewhere(config, run);
   if (plan.starts_fresh()) require_init_file(config);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
+  if (chooses_by_trials(config))
+    config.motion.model = plan.checkpoint ? model_begun_with(plan.checkpoint->checkpoint)
+                                          : model_by_trials(queue, config, quiet);
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
   if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optim/runs/model_trials.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "optim/eval/validation.hpp"
+#include "optim/init/init.hpp"
+#include "optim/scene/held_back.hpp"
+#include "optim/scene/readers/reader_util.hpp"
+#include "optim/train/preparation.hpp"
+#include "optim/train/train_loop.hpp"
+#include "runtime/base/output.hpp"
+#include "runtime/base/progress.hpp"
+#include "runtime/files/temporary_folder.hpp"
+
+namespace gflow {
+namespace {
+
+constexpr int kHeldBack = 8;    // of so many views one is held back
+constexpr double kClear = 0.1;  // [dB] by which another model must be better: seeds differ as much
+
+// Mean PSNR of the held-back views after a short training.
+double psnr_of_trial(Queue& queue, const Scene& scene, const TrainOptions& config,
+                     const ScratchFolder& folder, bool quiet) {
+  Preparation prepared(config, with_frames(scene, config.scene, folder.file("frames")));
+  prepared.find_motion_masks();
+  prepared.compute_flow(folder.file("flow"), quiet);
+  Model model(queue, prepared.first_model(queue, true));
+  Trainer trainer = prepared.trainer(queue, model);
+  Progress progress(fmt::format("trial of {}", name_of(model.shape.motion)),
+                    config.train.iterations, quiet);
+  StepCounter counter(progress_callback(progress), size_t(config.train.iterations));
+  train_loop(queue, trainer, 0, config.train.iterations, counter);
+  prepared.flows().prefetch({});
+  progress.finish();
+  return Validation(queue, config, prepared.loaded()).measure(queue, model).val;
+}
+
+}  // namespace
+
+bool chooses_by_trials(const TrainOptions& config) {
+  return config.motion.model == MotionChoice::automatic && config.motion.trial_steps > 0;
+}
+
+MotionChoice model_by_trials(Queue& queue, const TrainOptions& options, bool quiet) {
+  Scene scene = read_scene(options.scene.path, options.scene);
+  const MotionModelKind suggested = motion_model(scene, options);
+  if (scene.steps < 2) return choice_of(suggested);
+  scene.val.clear();
+  hold_back(scene, kHeldBack);
+  TrainOptions config = options;
+  config.train.iterations = std::min(options.train.iterations, options.motion.trial_steps);
+  config.train.minutes = 0;
+  const ScratchFolder folder("trials");
+  std::vector<std::pair<double, MotionModelKind>> results;
+  for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::keyframes,
+                                     MotionModelKind::hexplane, MotionModelKind::nodes}) {
+    config.motion.model = choice_of(kind);
+    const double psnr = psnr_of_trial(queue, scene, config, folder, quiet);
+    results.emplace_back(psnr + (kind == suggested ? kClear : 0), kind);
+    if (!quiet)
+      print_status("trial of {}: {:.2f} dB of views that it does not see\n", name_of(kind), psnr);
+  }
+  return choice_of(std::max_element(results.begin(), results.end())->second);
+}
+
+}  // namespace gflow
