@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "optim/runs/resume.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace gflow {
 namespace {
@@ -32,6 +33,11 @@ RunPlan plan_run(const RunFolder& run, const TrainOptions& config, Start start) 
     plan.kind = RunPlan::only_evaluate;
   } else {
     require_no_training(run);
+    if (start == Start::fresh && RunFolder::is_run(run.folder()))
+      warn(
+          fmt::format("{} holds a training that was stopped before its first checkpoint: it is "
+                      "replaced, and training starts at the first step",
+                      run.folder()));
   }
   return plan;
 }

@@ -9,8 +9,8 @@
 
 namespace gflow {
 
-// fresh: Error if the run folder holds a training. overwrite: replaces it. resume: continues from
-// its last checkpoint, or starts fresh if there is none.
+// fresh: Error if the run folder holds a training; warns if one was begun in it. overwrite:
+// replaces it. resume: continues from its last checkpoint, or starts fresh if there is none.
 enum class Start { fresh, overwrite, resume };
 
 struct RunPlan {

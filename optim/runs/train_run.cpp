@@ -118,6 +118,11 @@ HostModel first_model(RunParts& parts) {
   return first;
 }
 
+// Whether the run is to have the initial model as a checkpoint: a background was trained for it.
+bool saves_first_model(const RunParts& parts) {
+  return !parts.prepared.motion_masks().empty() && parts.config.train.checkpoint_every > 0;
+}
+
 std::string interrupted_while_evaluating(const RunFolder& run, int iteration) {
   return fmt::format(
       "interrupted while evaluating; the model is in {}, `gflow eval {}` evaluates it",
@@ -193,7 +198,7 @@ Evaluation train_fresh(RunParts& parts) {
   write_motion_masks(parts.run.path("moving"), parts.prepared.motion_masks());
   Model model(parts.queue, first);
   first = {};
-  return train_and_evaluate(parts, model, std::nullopt, {});
+  return train_and_evaluate(parts, model, std::nullopt, {{}, false, saves_first_model(parts)});
 }
 
 // The previous run stays until the first step of this one succeeds with finite values.
@@ -214,7 +219,7 @@ Evaluation train_replacing(RunParts& parts) {
     begun = true;
   };
   try {
-    return train_and_evaluate(parts, model, std::nullopt, {begin, true});
+    return train_and_evaluate(parts, model, std::nullopt, {begin, true, saves_first_model(parts)});
   } catch (const Error& problem) {
     if (begun || is_replacement_pending(parts.run)) throw;
     throw Error(fmt::format("{}; {}", problem.what(), unchanged));

@@ -54,6 +54,11 @@ void try_write_cameras(const Training& training) {
   }
 }
 
+void try_save_checkpoint(const Training& training, int step) {
+  training.checkpoints.try_write(step, training.watch.seconds());
+  try_write_cameras(training);
+}
+
 // Appends a line of the log; a failure does not stop training.
 void try_append_metrics(const RunFolder& run, int step, double seconds, const StepReport& report) {
   try {
@@ -137,11 +142,11 @@ Error not_all_kept(const Training& training, int steps, const std::string& model
   else if (model.empty() && steps == training.config.train.iterations)
     go_on = fmt::format("; once that is fixed, `gflow eval {}` evaluates it", run.folder());
   if (model.empty())
-    return Error(
-        fmt::format("{}; the model is in {}, {}{}", rest, run.model_path(steps),
-                    last > 0 ? fmt::format("the last checkpoint is of step {} of {}", last, steps)
-                             : "there is no checkpoint",
-                    go_on));
+    return Error(fmt::format(
+        "{}; the model is in {}, {}{}", rest, run.model_path(steps),
+        saved.empty() ? "there is no checkpoint"
+                      : fmt::format("the last checkpoint is of step {} of {}", last, steps),
+        go_on));
   if (last == steps)
     return Error(fmt::format("{}; all {} steps are saved in {}{}", model, steps,
                              run.checkpoints().path(last), go_on));
@@ -235,7 +240,8 @@ class RunObserver : public TrainObserver {
     const bool last = done == plan.iterations;
     const bool validates = validation.possible() && (last || ends_round(done, plan.validate_every));
     const bool logs = (done - 1) % plan.log_every == 0 || last || validates;
-    const bool saves = !last && ends_round(done, plan.checkpoint_every);
+    const bool saves =
+        !last && (ends_round(done, plan.checkpoint_every) || (first_.saves && !begun_));
     const bool shows = !last && ends_round(done, plan.save_every);
     if (logs || saves || shows) {
       report_ = state.report();
@@ -295,6 +301,7 @@ class RunObserver : public TrainObserver {
 
 int train_steps(Training& training, int step, std::optional<InterruptGuard>& guard, bool quiet,
                 FirstStep first) {
+  if (first.saves && !first.replaces) try_save_checkpoint(training, step);
   RunObserver observer(training, step, guard, quiet, std::move(first));
   try {
     step = train_loop(training.queue, training.trainer, step, training.config.train.iterations,

@@ -47,6 +47,9 @@ struct FirstStep {
   // The folder holds a previous run, which stays until a step has finite values. Until then the
   // time limit is ignored, and errors do not mention saved steps.
   bool replaces = false;
+  // The initial model took long to make, so the run gets a checkpoint as soon as it has the folder:
+  // of step 0, or if it replaces another run of its first sound step.
+  bool saves = false;
 };
 
 // Makes the steps from number `step` on; returns the number of steps made, earlier ones included.

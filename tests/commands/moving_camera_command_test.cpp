@@ -43,6 +43,20 @@ class MovingCameraCommand : public testing::Test {
     }
     return arguments;
   }
+  // A training killed once it has the checkpoint of this step. Later ones are removed.
+  static void kill_after(int step, const std::vector<std::string>& arguments) {
+    const CheckpointFolder checkpoints = RunFolder(run("killed")).checkpoints();
+    const Command command(arguments);
+    ASSERT_TRUE(wait_until([&] { return fs::exists(checkpoints.path(step)); }));
+    command.send(SIGKILL);
+    command.wait();
+    for (const int later : checkpoints.steps())
+      if (later > step) fs::remove(checkpoints.path(later));
+    ASSERT_EQ(checkpoints.steps(), std::vector<int>{step});
+  }
+  static Outcome resume(const std::string& name) {
+    return gflow({"train", "-o", run(name), "--resume"});
+  }
   static HostModel model_of(const std::string& name) {
     return read_model(RunFolder(run(name)).model_path(60));
   }
@@ -105,7 +119,7 @@ TEST_F(MovingCameraCommand, ResumesWithTheSameBytesAndIsReplaced) {
   ASSERT_TRUE(wait_until([&] { return fs::exists(checkpoint); }));
   command.send(SIGTERM);
   EXPECT_NE(command.wait().code, 0);
-  const Outcome resumed = gflow({"train", "-o", run("stopped"), "--resume", "--quiet"});
+  const Outcome resumed = resume("stopped");
   ASSERT_EQ(resumed.code, 0) << resumed.err;
   EXPECT_EQ(model_of("stopped").groups, model_of("whole").groups);
 
@@ -118,6 +132,37 @@ TEST_F(MovingCameraCommand, ResumesWithTheSameBytesAndIsReplaced) {
   const Outcome replaced = gflow(again);
   ASSERT_EQ(replaced.code, 0) << replaced.err;
   EXPECT_GT(fs::file_size(mask), 50u);  // a PNG again
+}
+
+TEST_F(MovingCameraCommand, TheInitialModelIsMadeOnce) {
+  fs::remove_all(run("killed"));
+  kill_after(0, train("killed"));
+  expect_refused(train("killed"), {"stopped at step 0 of 60", "--resume` continues it"});
+  const Outcome resumed = resume("killed");
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  const std::string shown = resumed.out + resumed.err;
+  EXPECT_NE(shown.find("continuing from"), std::string::npos) << shown;
+  EXPECT_EQ(shown.find("background"), std::string::npos) << shown;
+  EXPECT_EQ(model_of("killed").groups, model_of("whole").groups);
+
+  // A run that replaces another has its folder after the first step.
+  std::vector<std::string> again = train("killed");
+  again.push_back("--overwrite");
+  kill_after(1, again);
+  ASSERT_EQ(resume("killed").code, 0);
+  EXPECT_EQ(model_of("killed").groups, model_of("whole").groups);
+}
+
+TEST_F(MovingCameraCommand, StartsOverWithAWarningWithoutACheckpoint) {
+  fs::remove_all(run("killed"));
+  kill_after(0, train("killed"));
+  fs::remove(RunFolder(run("killed")).checkpoints().path(0));
+  std::vector<std::string> again = train("killed");
+  for (const char* more : {"--set", "train.iterations=1"}) again.push_back(more);
+  const Outcome outcome = gflow(again);
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_NE(outcome.err.find("stopped before its first checkpoint"), std::string::npos)
+      << outcome.err;
 }
 
 }  // namespace
