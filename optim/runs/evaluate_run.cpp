@@ -10,6 +10,7 @@
 #include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/replacement.hpp"
 #include "optim/scene/depth_map.hpp"
+#include "optim/scene/move_cameras.hpp"
 #include "runtime/base/interrupt.hpp"
 #include "runtime/base/progress.hpp"
 
@@ -105,7 +106,10 @@ RunEvaluation evaluate_run(Queue& queue, const RunFolder& run, const std::string
   const RunState state = read_run_state(run, iteration);
   const TrainOptions config = evaluation_options(state.config, run.metrics_options(), settings);
   LoadedScene loaded = load_scene(config.scene, run.path("frames"), state.model.shape.origin);
-  if (refines_cameras(config.cameras, loaded.scene)) run.move_cameras(*loaded.frames);
+  if (refines_cameras(config.cameras, loaded.scene)) {
+    run.move_cameras(*loaded.frames);
+    undo_fits(loaded.scene, *loaded.frames);
+  }
   const std::vector<Frame>& frames = frames_of_split(loaded.scene, split);
   Model model(queue, state.model, Purpose::rendering);
   const bool latest = iteration == latest_iteration || iteration == iterations_of(run).back();

@@ -13,6 +13,7 @@
 #include "optim/runs/model_trials.hpp"
 #include "optim/runs/replacement.hpp"
 #include "optim/runs/train_steps.hpp"
+#include "optim/scene/move_cameras.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "optim/train/preparation.hpp"
 #include "optim/train/summary.hpp"
@@ -256,8 +257,10 @@ Evaluation only_evaluate(RunParts& parts) {
     facts.finished = true;
     run.write_facts(facts);
   }
-  if (refines_cameras(parts.config.cameras, parts.scene()))
+  if (refines_cameras(parts.config.cameras, parts.scene())) {
     run.move_cameras(parts.prepared.frames());
+    undo_fits(parts.scene(), parts.prepared.frames());
+  }
   write_first_files(run, parts);  // some settings may be others than before
   Model model(parts.queue, state.model, Purpose::rendering);
   parts.stop.set(interrupted_while_evaluating(run, state.iteration));

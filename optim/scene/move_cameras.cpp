@@ -21,4 +21,12 @@ void move_cameras(const Scene& scene, const std::map<size_t, Eigen::Matrix4d>& p
   }
 }
 
+void undo_fits(const Scene& scene, FrameStore& frames) {
+  std::map<size_t, Eigen::Matrix4d> trained;
+  for (const Frame& frame : scene.train)
+    trained[size_t(frame.camera)] = frames.camera(frame).viewmat;
+  const size_t first = trained.begin()->first;
+  move_cameras(scene, trained, frames.moved_cameras()[first].fx / scene.cameras[first].fx, frames);
+}
+
 }  // namespace gflow

@@ -13,4 +13,8 @@ namespace gflow {
 void move_cameras(const Scene& scene, const std::map<size_t, Eigen::Matrix4d>& poses, double focal,
                   FrameStore& frames);
 
+// Moves the cameras without training frames as move_cameras() does for the training cameras as they
+// are: an earlier evaluation has fitted the others to their images.
+void undo_fits(const Scene& scene, FrameStore& frames);
+
 }  // namespace gflow

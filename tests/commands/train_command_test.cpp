@@ -180,6 +180,31 @@ TEST_F(CommandTest, EvalFindsWhatTrainFound) {
   EXPECT_EQ(after, before);
 }
 
+// cameras.json has the cameras of the test views as they were fitted.
+TEST_F(CommandTest, EvalFitsTestCamerasFromWhereTrainDid) {
+  const TemporaryFolder folder;
+  const std::string run = folder.file("run");
+  std::vector<std::string> train{"train",   scene().path(), "-o", run,
+                                 "--quiet", "--iterations", "60"};
+  for (const char* set : {"cameras.refine=on", "cameras.start=0", "flow.enabled=false"})
+    train.insert(train.end(), {"--set", set});
+  ASSERT_EQ(gflow(train).code, 0);
+  const auto metric = [&](const char* name) {
+    return nlohmann::json::parse(contents(run + "/results.json"))["test"][name].get<double>();
+  };
+  const double psnr = metric("psnr"), unfitted = metric("psnr_unfitted");
+  EXPECT_GT(psnr, unfitted + 0.01);
+  train.push_back("--resume");
+  for (const auto& again : {std::vector<std::string>{"eval", run, "--quiet"}, train}) {
+    fs::remove(run + "/results.json");
+    const Outcome outcome = gflow(again);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    // cameras.json rounds poses by 1e-16.
+    EXPECT_NEAR(metric("psnr_unfitted"), unfitted, 1e-4) << again[0];
+    EXPECT_NEAR(metric("psnr"), psnr, 1e-3) << again[0];
+  }
+}
+
 const std::string networks = GFLOW_SOURCE_DIR "/tests/data/networks/";
 
 TEST_F(CommandTest, WithoutANetworkEvalNamesTheSetting) {

@@ -49,6 +49,27 @@ TEST(MoveCameras, OthersFollowAndImagesStay) {
   EXPECT_EQ(loaded.frames->rgb(scene.test[0])->width, 8);
 }
 
+TEST(MoveCameras, AFitIsUndone) {
+  const LoadedScene loaded = with_frames(row_of_cameras(), {}, "");
+  const Scene& scene = loaded.scene;
+  std::map<size_t, Eigen::Matrix4d> poses;
+  for (size_t i = 0; i < 3; ++i) {
+    poses[i] = scene.cameras[i].viewmat;
+    poses[i](0, 3) += 0.1 * double(i + 1);
+  }
+  move_cameras(scene, poses, 1.1, *loaded.frames);
+  const std::vector<Camera> before = loaded.frames->cameras();
+  Eigen::Matrix4d fitted = before[3].viewmat;
+  fitted(1, 3) += 0.2;
+  loaded.frames->move_camera(3, fitted, 1.1);
+  undo_fits(scene, *loaded.frames);
+  for (size_t i = 0; i < 4; ++i) {
+    const Camera& camera = loaded.frames->cameras()[i];
+    EXPECT_LT((camera.viewmat - before[i].viewmat).norm(), 1e-12) << i;
+    EXPECT_DOUBLE_EQ(camera.fx, 11);
+  }
+}
+
 // A point at the depth of a correction stays where it is while the camera turns about it.
 TEST(CameraCorrection, TurnsAboutThePointAtItsDepth) {
   const Camera camera = row_of_cameras().cameras[1];
