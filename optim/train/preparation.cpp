@@ -20,6 +20,7 @@
 #include "optim/options/scene_defaults.hpp"
 #include "optim/scene/depths.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "optim/train/poor_scene.hpp"
 #include "optim/train/summary.hpp"
 #include "optim/train/train.hpp"
 #include "runtime/base/output.hpp"
@@ -208,6 +209,7 @@ void Preparation::compute_flow(const std::string& folder, bool quiet,
 }
 
 void Preparation::find_motion_masks() {
+  warn_of_poor_scene(scene(), frames());
   warn_of_moving_camera(config_, loaded_);
   if (config_.init.dynamic > 0 || config_.train.focus > 0)
     static_cameras_ = static_cameras_of(scene(), frames());
