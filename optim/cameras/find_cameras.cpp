@@ -188,7 +188,13 @@ void report(const std::string& folder, const Findings& f) {
 }  // namespace
 
 LoadedScene load_video(const SceneOptions& options) {
-  if (const std::string layout = layout_of(options.path); !takes_cameras(layout) && !layout.empty())
+  const std::string layout = layout_of(options.path);
+  if (layout.empty() && fs::is_directory(options.path))
+    throw Error(
+        fmt::format("finding the cameras of {}: the folder has no numbered images; give a video, "
+                    "or a folder of images such as 0001.png, 0002.png, 0003.png",
+                    options.path));
+  if (!takes_cameras(layout) && !layout.empty())
     throw Error(
         fmt::format("finding the cameras of {}: it is a scene that has cameras ({}); give "
                     "a video or a folder of numbered images",

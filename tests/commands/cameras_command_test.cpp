@@ -198,6 +198,16 @@ TEST_F(CamerasCommand, TwoFramesAreTooFew) {
   EXPECT_NE(result.err.find("film"), std::string::npos) << result.err;
 }
 
+TEST_F(CamerasCommand, SaysThatAFolderHasNoImages) {
+  std::filesystem::create_directories(path("empty"));
+  const Outcome result = gflow({"cameras", path("empty"), "-o", path("scene"), "--quiet"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_EQ(result.err, fmt::format("gflow: finding the cameras of {}: the folder has no numbered "
+                                    "images; give a video, or a folder of images such as "
+                                    "0001.png, 0002.png, 0003.png\n",
+                                    path("empty")));
+}
+
 TEST_F(CamerasCommand, AFolderWithFilesStaysAsItIs) {
   const std::string film_folder = film("film", 3);
   const Outcome result = gflow({"cameras", film_folder, "-o", film_folder, "--quiet"});
