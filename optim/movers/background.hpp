@@ -2,8 +2,8 @@
 // What rests in the video of a moving camera: a static model of it, and where images differ from
 // it, which is what moves.
 #pragma once
+#include "optim/cameras/suspects.hpp"
 #include "optim/model/model.hpp"
-#include "optim/movers/suspects.hpp"
 #include "optim/options/train_options.hpp"
 
 namespace gflow {

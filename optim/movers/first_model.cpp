@@ -71,7 +71,7 @@ std::optional<MovingScene> moving_scene(Queue& queue, const Scene& scene, FrameS
   config.density.cap = int(kBackgroundShare * double(cap));
   const SmallVideo video = small_video(scene, store);
   const Suspects suspects =
-      suspects_of(video, size_t(config.init.count), begin("motion", video.size()));
+      suspects_of(video, {size_t(config.init.count)}, begin("motion", video.size()));
   if (suspects.points.size() < kLeastAtRest) return std::nullopt;
   const StillBackground background =
       background_of(queue, scene, store, video, suspects, config, train,

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "optim/cameras/masks.hpp"
 #include "optim/images/rect.hpp"
-#include "optim/movers/masks.hpp"
 #include "optim/scene/frame_store.hpp"
 
 namespace gflow {

@@ -80,7 +80,7 @@ TEST_F(MovingCameraCommand, WritesMasksOfWhatMoves) {
   std::vector<Mask> masks;
   for (auto& [name, mask] : read_motion_masks(run("whole") + "/moving", scene))
     masks.push_back(mask);
-  EXPECT_GT(overlap(masks, room_->truth.moving), 0.6);
+  EXPECT_GT(overlap(masks, room_->moving), 0.6);
 }
 
 TEST_F(MovingCameraCommand, OnlyWhatMovesMayMove) {

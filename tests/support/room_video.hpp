@@ -3,7 +3,8 @@
 #pragma once
 #include <fmt/format.h>
 
-#include "optim/movers/background.hpp"
+#include "optim/cameras/masks.hpp"
+#include "optim/cameras/small_video.hpp"
 #include "tests/support/camera_path.hpp"
 
 namespace gflow {
@@ -34,8 +35,8 @@ struct RoomVideo {
       video.frames.push_back(&frame);
       Mask mask(width, height);
       mask.pixels = seen.last;
-      truth.moving.push_back(mask);
-      truth.depths.push_back(behind.depth);
+      moving.push_back(mask);
+      depths_behind.push_back(behind.depth);
       depths.push_back(seen.depth);
     }
   }
@@ -43,8 +44,9 @@ struct RoomVideo {
 
   std::vector<Frame> all;
   SmallVideo video;
-  StillBackground truth;                   // without a model
-  std::vector<std::vector<float>> depths;  // with the board
+  std::vector<Mask> moving;                       // the board
+  std::vector<std::vector<float>> depths;         // with the board
+  std::vector<std::vector<float>> depths_behind;  // without it
 };
 
 // Intersection over union of masks, over all frames.

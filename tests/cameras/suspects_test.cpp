@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/movers/suspects.hpp"
+#include "optim/cameras/suspects.hpp"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ size_t count(const Mask& mask) {
 TEST(Suspects, ContainWhatMovesAndLittleElse) {
   const RoomVideo& room = lively_room();
   std::vector<size_t> done;
-  const Suspects found = suspects_of(room.video, 2000, [&](size_t k, size_t n) {
+  const Suspects found = suspects_of(room.video, {2000}, [&](size_t k, size_t n) {
     EXPECT_EQ(n, size_t(RoomVideo::frames));
     done.push_back(k);
   });
@@ -28,7 +28,7 @@ TEST(Suspects, ContainWhatMovesAndLittleElse) {
   ASSERT_EQ(found.masks.size(), size_t(RoomVideo::frames));
   size_t caught = 0, moving = 0, suspected = 0;
   for (size_t k = 0; k < found.masks.size(); ++k) {
-    const Mask& truth = room.truth.moving[k];
+    const Mask& truth = room.moving[k];
     moving += count(truth), suspected += count(found.masks[k]);
     for (size_t i = 0; i < truth.pixels.size(); ++i)
       caught += truth.pixels[i] && found.masks[k].pixels[i];
@@ -41,7 +41,7 @@ TEST(Suspects, ContainWhatMovesAndLittleElse) {
 
 TEST(Suspects, PointsLieOnSurfacesAtRest) {
   const RoomVideo& room = lively_room();
-  const Suspects found = suspects_of(room.video, 2000, {});
+  const Suspects found = suspects_of(room.video, {2000}, {});
   const size_t n = found.points.size();
   ASSERT_GT(n, 1000u);
   EXPECT_LE(n, 2200u);
@@ -58,12 +58,12 @@ TEST(Suspects, PointsLieOnSurfacesAtRest) {
 
 TEST(Suspects, AreFewWhereNothingMoves) {
   const RoomVideo room(Eigen::Vector3d::Zero());
-  const Suspects found = suspects_of(room.video, 10, {});
+  const Suspects found = suspects_of(room.video, {10}, {});
   size_t on_board = 0, board = 0;
   for (size_t k = 0; k < found.masks.size(); ++k)
     for (size_t i = 0; i < found.masks[k].pixels.size(); ++i) {
-      board += room.truth.moving[k].pixels[i];
-      on_board += room.truth.moving[k].pixels[i] && found.masks[k].pixels[i];
+      board += room.moving[k].pixels[i];
+      on_board += room.moving[k].pixels[i] && found.masks[k].pixels[i];
     }
   EXPECT_LT(double(on_board), 0.4 * double(board));  // its edges
 }

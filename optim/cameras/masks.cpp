@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/movers/masks.hpp"
+#include "optim/cameras/masks.hpp"
 
 #include <algorithm>
 #include <array>

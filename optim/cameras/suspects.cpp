@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/movers/suspects.hpp"
+#include "optim/cameras/suspects.hpp"
 
 #include <array>
 #include <cmath>
@@ -11,11 +11,12 @@
 namespace gflow {
 namespace {
 
-constexpr std::array<size_t, 3> kFlowSpans{2, 4, 8};  // frames
-constexpr double kSuspect = 0.7;                      // root mean square distance [px]
-constexpr double kExplained = 0.35;      // below it the meeting point is a point at rest
-constexpr double kLeastParallax = 0.03;  // angle between rays of such a point [rad]
-constexpr int kMargin = 2;               // of masks [px]
+constexpr double kSuspect = 0.7;     // root mean square distance [px]
+constexpr double kExplained = 0.35;  // below it the meeting point is a point at rest
+constexpr int kMargin = 2;           // of masks [px]
+
+using Spans = decltype(SuspectOptions::spans);
+constexpr size_t kMostSights = 2 * std::tuple_size<Spans>();
 
 // Where a pixel's flow leads in another frame.
 struct Sight {
@@ -44,7 +45,7 @@ Meeting meeting_of(const Eigen::Vector3d& ray, size_t pixel, int x, int y,
     Eigen::Vector2d to;
     double focal;
   };
-  std::array<Row, 2 * kFlowSpans.size()> rows;
+  std::array<Row, kMostSights> rows;
   Meeting meeting;
   for (const Sight& sight : sights) {
     if (!sight.flow->confidence[pixel]) continue;
@@ -85,14 +86,15 @@ Meeting meeting_of(const Eigen::Vector3d& ray, size_t pixel, int x, int y,
 
 using Pairs = std::map<std::pair<size_t, size_t>, std::pair<TargetFlow, TargetFlow>>;
 
-std::vector<Sight> sights_of(const SmallVideo& video, size_t i, const Pairs& pairs) {
+std::vector<Sight> sights_of(const SmallVideo& video, size_t i, const Spans& spans,
+                             const Pairs& pairs) {
   std::vector<Sight> sights;
   const auto add = [&](size_t j, const TargetFlow& flow) {
     const Eigen::Matrix4d between = video.cameras[j].viewmat * video.cameras[i].viewmat.inverse();
     sights.push_back(
         {between.topLeftCorner<3, 3>(), between.topRightCorner<3, 1>(), &video.cameras[j], &flow});
   };
-  for (const size_t span : kFlowSpans) {
+  for (const size_t span : spans) {
     if (i >= span) add(i - span, pairs.at({i - span, i}).second);
     if (i + span < video.size()) add(i + span, pairs.at({i, i + span}).first);
   }
@@ -101,7 +103,7 @@ std::vector<Sight> sights_of(const SmallVideo& video, size_t i, const Pairs& pai
 
 // The pixels of a frame that nothing at rest explains; appends every stride-th of the others.
 Mask suspects_in(const SmallVideo& video, size_t i, const std::vector<Sight>& sights, size_t stride,
-                 PointCloud& points) {
+                 double least_parallax, PointCloud& points) {
   const Camera& camera = video.cameras[i];
   const Image& image = video.images[i];
   const Eigen::Matrix4d to_world = camera.viewmat.inverse();
@@ -115,40 +117,46 @@ Mask suspects_in(const SmallVideo& video, size_t i, const std::vector<Sight>& si
       const Meeting meeting = meeting_of(ray, pixel, x, y, sights);
       mask.pixels[pixel] = meeting.distance > kSuspect;
       const bool known =
-          meeting.frames >= 3 && meeting.distance < kExplained && meeting.parallax > kLeastParallax;
+          meeting.frames >= 3 && meeting.distance < kExplained && meeting.parallax > least_parallax;
       if (!known || explained++ % stride != 0) continue;
       const Eigen::Vector3d at = (to_world * (ray / meeting.inverse_depth).homogeneous()).head<3>();
       points.xyz.insert(points.xyz.end(), {at.x(), at.y(), at.z()});
       points.rgb.insert(points.rgb.end(), &image.pixels[3 * pixel], &image.pixels[3 * pixel] + 3);
     }
-  return dilated(with_share_around(mask, 2, 0.5), kMargin);
+  return mask;
 }
 
 }  // namespace
 
-Suspects suspects_of(const SmallVideo& video, size_t most_points,
+Suspects suspects_of(const SmallVideo& video, const SuspectOptions& options,
                      const ProgressCallback& progress) {
+  const Spans& spans = options.spans;
   const size_t n = video.size();
   const size_t pixels = size_t(video.width()) * size_t(video.height());
-  const size_t stride = std::max<size_t>(1, n * pixels / std::max<size_t>(most_points, 1));
+  const size_t stride = std::max<size_t>(1, n * pixels / std::max<size_t>(options.most_points, 1));
   Suspects suspects;
   Pairs pairs;
   for (size_t i = 0; i < n; ++i) {
     std::mutex mutex;
-    for_each_parallel(kFlowSpans.size(), num_cores(), [&](size_t k) {
-      const size_t j = i + kFlowSpans[k];
+    for_each_parallel(spans.size(), num_cores(), [&](size_t k) {
+      const size_t j = i + spans[k];
       if (j >= n) return;
       auto flows = quick_flows(video, i, j);
       const std::lock_guard<std::mutex> lock(mutex);
       pairs[{i, j}] = std::move(flows);
     });
-    suspects.masks.push_back(
-        suspects_in(video, i, sights_of(video, i, pairs), stride, suspects.points));
-    for (const size_t span : kFlowSpans)
+    const Mask mask = suspects_in(video, i, sights_of(video, i, spans, pairs), stride,
+                                  options.least_parallax, suspects.points);
+    suspects.masks.push_back(options.with_margin ? with_margin(mask) : mask);
+    for (const size_t span : spans)
       if (i >= span) pairs.erase({i - span, i});
     if (progress) progress(i + 1, n);
   }
   return suspects;
+}
+
+Mask with_margin(const Mask& suspects) {
+  return dilated(with_share_around(suspects, 2, 0.5), kMargin);
 }
 
 }  // namespace gflow

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optim/movers/small_video.hpp"
+#include "optim/cameras/small_video.hpp"
 
 #include <algorithm>
 #include <cmath>
