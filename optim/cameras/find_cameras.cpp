@@ -12,6 +12,7 @@
 
 #include "optim/cameras/camera_scene.hpp"
 #include "optim/cameras/colmap.hpp"
+#include "optim/cameras/motion_mask_files.hpp"
 #include "optim/cameras/reconstruction.hpp"
 #include "optim/cameras/two_views.hpp"
 #include "optim/cameras/upright.hpp"
@@ -138,6 +139,7 @@ struct Findings {
   double fovy = 0;  // [degrees]
   bool focal_is_certain = true;
   ReprojectionStatistics reprojection;
+  std::optional<double> moving;  // share of pixels in motion masks; nullopt: there are none
 };
 
 Findings findings_of(const std::vector<FeatureTrack>& tracks, const CameraPath& path, int height,
@@ -155,17 +157,18 @@ Findings findings_of(const std::vector<FeatureTrack>& tracks, const CameraPath& 
 }
 
 std::string statistics_json(const Findings& f) {
-  const nlohmann::ordered_json json{{"frames", f.frames},
-                                    {"placed", f.placed},
-                                    {"left_out", f.left_out},
-                                    {"focal", f.lens.focal},
-                                    {"fovy", f.fovy},
-                                    {"focal_is_certain", f.focal_is_certain},
-                                    {"k1", f.lens.k1},
-                                    {"points", f.reprojection.points},
-                                    {"observations", f.reprojection.observations},
-                                    {"reprojection_median", f.reprojection.median},
-                                    {"reprojection_mean", f.reprojection.mean}};
+  nlohmann::ordered_json json{{"frames", f.frames},
+                              {"placed", f.placed},
+                              {"left_out", f.left_out},
+                              {"focal", f.lens.focal},
+                              {"fovy", f.fovy},
+                              {"focal_is_certain", f.focal_is_certain},
+                              {"k1", f.lens.k1},
+                              {"points", f.reprojection.points},
+                              {"observations", f.reprojection.observations},
+                              {"reprojection_median", f.reprojection.median},
+                              {"reprojection_mean", f.reprojection.mean}};
+  if (f.moving) json["moving"] = *f.moving;
   return json.dump(1) + "\n";
 }
 
@@ -177,6 +180,7 @@ void report(const std::string& folder, const Findings& f) {
   print_result("points    {} seen {} times, reprojection error {:.2f} px median, {:.2f} mean\n",
                f.reprojection.points, f.reprojection.observations, f.reprojection.median,
                f.reprojection.mean);
+  if (f.moving) print_result("moving    {:.1f} % of the images\n", 100 * *f.moving);
   print_result("written   {}\n", folder);
   if (!f.focal_is_certain)
     print_status(
@@ -239,11 +243,17 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
   make_upright(tracks, path);
   // COLMAP's tracks also span frames that do not show them, so that they reveal no breaks.
   warn_of_gaps(path, by_colmap ? std::vector<int>{} : breaks_of(tracks, int(frames.size())));
-  const Findings findings =
+  Findings findings =
       findings_of(tracks, path, video.frames->camera(frames[0]).height, how.fovy > 0);
   write_scene(folder, [&](const std::string& unfinished) {
     Progress writing("images", long(frames.size()), how.quiet);
     write_camera_scene(unfinished, video, tracks, path, progress_callback(writing));
+    writing.finish();
+    if (!by_colmap) {  // photographs in any order have no flow
+      Progress comparing("motion", long(findings.placed), how.quiet);
+      findings.moving = write_motion_mask_files(unfinished + "/" + kMotionMasks, video, path,
+                                                progress_callback(comparing));
+    }
     write_file_atomically(unfinished + "/" + kMadeFrom, made_from(video.scene, options));
     write_file_atomically(unfinished + "/statistics.json", statistics_json(findings));
     if (by_colmap) write_file_atomically(unfinished + "/colmap.log", log);

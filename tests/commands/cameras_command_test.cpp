@@ -8,6 +8,7 @@
 #include "optim/scene/scene.hpp"
 #include "tests/support/camera_path.hpp"
 #include "tests/support/command.hpp"
+#include "tests/support/room_video.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace gflow {
@@ -72,6 +73,37 @@ TEST_F(CamerasCommand, WritesASceneWhoseCamerasAreThoseOfTheFilm) {
   EXPECT_EQ(model.points.size(), scene.points.size());
   for (int k = 0; k < kFilmed; ++k)
     EXPECT_LT((model.images[size_t(k)].camera.viewmat - found[size_t(k)].matrix()).norm(), 1e-6);
+}
+
+TEST_F(CamerasCommand, WritesMasksOfWhatMovesThatNoReaderTakesForItsOwn) {
+  std::vector<Mask> truth;
+  for (int k = 0; k < kFilmed; ++k) {
+    RoomTruth seen;
+    write_png(folder().file(fmt::format("lively/{}.png", k)),
+              image_of_room(pose_on_arc(k + 16, 48), kFilmFocal, kFilmWidth, kFilmHeight,
+                            k * Eigen::Vector3d(0.06, 0.02, 0.03), &seen));
+    truth.emplace_back(kFilmWidth, kFilmHeight);
+    truth.back().pixels = seen.last;
+  }
+  const Outcome result = gflow({"cameras", path("lively"), "-o", path("scene"), "--quiet"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.out.find("% of the images\n"), std::string::npos) << result.out;
+  std::vector<Mask> found;
+  for (int k = 0; k < kFilmed; ++k) {
+    const Image mask = read_grey(fmt::format("{}/motion_masks/{:05}.png", path("scene"), k));
+    found.emplace_back(mask.width, mask.height);
+    for (size_t i = 0; i < mask.pixels.size(); ++i) found.back().pixels[i] = mask.pixels[i] == 0;
+  }
+  EXPECT_GT(overlap(found, truth), 0.5);
+
+  for (const char* layout : {"nerfstudio", "colmap"}) {
+    const Scene scene = read_scene(path("scene"), {});
+    EXPECT_EQ(scene.layout, layout);
+    for (const Frame& frame : scene.train) EXPECT_EQ(frame.mask_path, "");
+    for (const std::string& notice : scene.notices)
+      EXPECT_EQ(notice.find("mask"), std::string::npos) << notice;
+    fs::remove(path("scene/transforms.json"));
+  }
 }
 
 TEST_F(CamerasCommand, ACameraThatStandsStillIsToldAndNothingIsWritten) {
