@@ -23,7 +23,8 @@ struct CamerasFlags {
 };
 
 void require_empty(const std::string& folder) {
-  if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)))
+  if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)) &&
+      !is_unfinished_scene(folder))
     throw Error(fmt::format("writing a scene to {}: it is not empty; give a new folder", folder));
 }
 
@@ -46,7 +47,9 @@ void add_cameras(CLI::App& app, const GlobalOptions& global) {
       ->check(path_given())
       ->required()
       ->type_name("PATH");
-  command->add_option("-o,--output", flags->output, "Folder of the scene; new or empty")
+  command
+      ->add_option("-o,--output", flags->output,
+                   "Folder of the scene; new or empty, or of the same command that was stopped")
       ->check(path_given())
       ->required()
       ->type_name("SCENE");

@@ -15,7 +15,6 @@
 namespace gflow {
 namespace {
 
-constexpr int kKept = 16;              // frames for which an image is compared with later ones
 constexpr double kMostCorrection = 2;  // [px] of the flow by the comparison
 constexpr float kMostDifference = 12;  // mean over the window [grey levels]
 constexpr int kWindow = 15;            // [px]
@@ -43,32 +42,33 @@ std::optional<Eigen::Vector2d> flow_at(const TargetFlow& target, const Eigen::Ve
 
 }  // namespace
 
-struct FeatureTracker::State {
-  // A track that reaches the last frame. It is compared with the image of frame `anchor`.
-  struct Live {
-    size_t track;
-    int anchor;
-    Eigen::Vector2d anchor_point;
-  };
-
+struct FeatureTracker::State : TrackingState {
   int most;
-  int frames = 0;
   std::shared_ptr<const Image> last;
   std::deque<cv::Mat> greys;  // of the last frames
-  std::vector<FeatureTrack> tracks;
-  std::vector<Live> live;
 
+  State(TrackingState state, int most) : TrackingState(std::move(state)), most(most) {}
+  void keep(std::shared_ptr<const Image> image, const cv::Mat& grey);
   void follow(const cv::Mat& grey, const TargetFlow& flow);
   void correct(const cv::Mat& grey, std::vector<Live>& group, std::vector<cv::Point2f>& guesses,
                std::vector<Live>& kept);
   void start(const cv::Mat& grey);
 };
 
-FeatureTracker::FeatureTracker(int most) : state_(std::make_unique<State>()) {
+FeatureTracker::FeatureTracker(int most) : FeatureTracker({}, {}, most) {}
+FeatureTracker::FeatureTracker(TrackingState state,
+                               const std::vector<std::shared_ptr<const Image>>& recent, int most)
+    : state_(std::make_unique<State>(std::move(state), most)) {
   limit_opencv_to_one_thread();
-  state_->most = most;
+  for (const auto& image : recent) state_->keep(image, grey_of(*image));
 }
 FeatureTracker::~FeatureTracker() = default;
+
+void FeatureTracker::State::keep(std::shared_ptr<const Image> image, const cv::Mat& grey) {
+  greys.push_back(grey);
+  if (greys.size() > kKept) greys.pop_front();
+  last = std::move(image);
+}
 
 // Those of a group have one anchor frame.
 void FeatureTracker::State::correct(const cv::Mat& grey, std::vector<Live>& group,
@@ -132,11 +132,11 @@ void FeatureTracker::add(std::shared_ptr<const Image> image) {
   const cv::Mat grey = grey_of(*image);
   if (s.last) s.follow(grey, estimate_quick_flows(*s.last, *image).first);
   s.start(grey);
-  s.greys.push_back(grey);
-  if (s.greys.size() > kKept) s.greys.pop_front();
-  s.last = std::move(image);
+  s.keep(std::move(image), grey);
   ++s.frames;
 }
+
+const TrackingState& FeatureTracker::state() const { return *state_; }
 
 std::vector<FeatureTrack> FeatureTracker::finish() {
   std::vector<FeatureTrack> result;

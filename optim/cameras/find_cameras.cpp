@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -14,6 +15,7 @@
 #include "optim/cameras/colmap.hpp"
 #include "optim/cameras/motion_mask_files.hpp"
 #include "optim/cameras/reconstruction.hpp"
+#include "optim/cameras/track_file.hpp"
 #include "optim/cameras/two_views.hpp"
 #include "optim/cameras/upright.hpp"
 #include "optim/scene/readers/given_cameras.hpp"
@@ -31,12 +33,55 @@ namespace fs = std::filesystem;
 
 constexpr size_t kLeastFrames = 3;
 
-std::vector<FeatureTrack> follow(const std::vector<Frame>& frames, FrameStore& store, bool quiet) {
-  FeatureTracker tracker;
-  Progress progress("tracks", long(frames.size()), quiet);
-  for (const Frame& frame : frames) {
-    tracker.add(store.rgb(frame));
+// The folder of a scene to be written, with the tracks of a search that has not ended. An error
+// removes what the search has made; if the program is stopped, the next search continues.
+class UnfinishedSearch {
+ public:
+  UnfinishedSearch(const std::string& folder, std::string stamp)
+      : file_(folder + "/" + kTrackFile), stamp_(std::move(stamp)) {
+    for (fs::path at = folder; !at.empty() && !fs::exists(at); at = at.parent_path())
+      made_.push_back(at);
+  }
+
+  std::optional<TrackingState> tracks() const { return read_tracks(file_, stamp_); }
+  void keep(const TrackingState& state) {
+    if (!made_.empty()) fs::create_directories(made_[0]);
+    write_tracks(file_, stamp_, state);
+    if (!stop_)
+      stop_.emplace("interrupted while finding cameras; the same command continues from " + file_);
+  }
+  void give_up() {
+    std::error_code none;
+    fs::remove(file_, none);
+    for (const fs::path& folder : made_) fs::remove(folder, none);  // those that are empty
+  }
+
+ private:
+  std::string file_, stamp_;
+  std::vector<fs::path> made_;  // folders that did not exist, innermost first
+  std::optional<StopSentence> stop_;
+};
+
+std::vector<FeatureTrack> follow(const std::vector<Frame>& frames, FrameStore& store, bool quiet,
+                                 UnfinishedSearch& search) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::seconds kBetween(10);  // two times at which the tracks are kept
+  TrackingState begun = search.tracks().value_or(TrackingState());
+  const size_t first = size_t(begun.frames);
+  if (first > 0 && !quiet)
+    print_status("continuing from the tracks of {} of {} frames\n", first, frames.size());
+  std::vector<std::shared_ptr<const Image>> recent;
+  for (size_t k = first - std::min<size_t>(first, FeatureTracker::kKept); k < first; ++k)
+    recent.push_back(store.rgb(frames[k]));
+  FeatureTracker tracker(std::move(begun), recent);
+  Progress progress("tracks", long(frames.size()), quiet, long(first));
+  Clock::time_point kept = Clock::now();
+  for (size_t k = first; k < frames.size(); ++k) {
+    tracker.add(store.rgb(frames[k]));
     progress.advance();
+    if (Clock::now() - kept < kBetween && k + 1 < frames.size()) continue;
+    search.keep(tracker.state());
+    kept = Clock::now();
   }
   return tracker.finish();
 }
@@ -87,11 +132,12 @@ double focal_of(const FindCameras& how, const Camera& size) {
   return how.fovy > 0 ? 0.5 * size.height / std::tan(0.5 * how.fovy * degree) : 0;
 }
 
-TrackedPath find_by_tracks(const LoadedScene& video, const FindCameras& how) {
+TrackedPath find_by_tracks(const LoadedScene& video, const FindCameras& how,
+                           UnfinishedSearch& search) {
   const std::vector<Frame>& frames = video.scene.train;
   const Camera& size = video.frames->camera(frames[0]);
   TrackedPath found;
-  found.tracks = follow(frames, *video.frames, how.quiet);
+  found.tracks = follow(frames, *video.frames, how.quiet, search);
   ReconstructionOptions options;
   options.frames = int(frames.size());
   options.width = size.width;
@@ -215,6 +261,12 @@ std::string made_from(const Scene& video, const SceneOptions& options) {
                      cache_stamp(video, options));
 }
 
+bool is_unfinished_scene(const std::string& folder) {
+  std::error_code none;
+  const auto files = std::distance(fs::directory_iterator(folder, none), {});
+  return files == 1 && fs::exists(folder + "/" + kTrackFile);
+}
+
 void find_cameras(const LoadedScene& video, const SceneOptions& options, const FindCameras& how,
                   const std::string& folder) {
   const std::vector<Frame>& frames = video.scene.train;
@@ -225,17 +277,19 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
   const bool by_colmap = how.method == CameraMethod::colmap;
   TrackedPath found;
   std::string log;
+  UnfinishedSearch search(folder, cache_stamp(video.scene, options));
   try {
     if (by_colmap) {
       ColmapResult result = find_by_colmap(video, how, folder);
       found = std::move(result.found);
       log = std::move(result.log);
     } else {
-      found = find_by_tracks(video, how);
+      found = find_by_tracks(video, how, search);
     }
   } catch (const Interrupted&) {
     throw;
   } catch (const Error& problem) {
+    search.give_up();
     throw Error(fmt::format("finding the cameras of {}: {}", video.scene.folder, problem.what()));
   }
   const std::vector<FeatureTrack>& tracks = found.tracks;

@@ -24,16 +24,19 @@ struct FindCameras {
 inline constexpr const char* kMadeFrom = "video.txt";
 // Its contents: the path of the video in the first line, then everything else that matters.
 std::string made_from(const Scene& video, const SceneOptions& options);
+// Whether a folder holds nothing but what a stopped search has left.
+bool is_unfinished_scene(const std::string& folder);
 
 // Loads a video or a folder of numbered images, without the notice that it has no poses. Error if
 // it is a scene that has cameras.
 LoadedScene load_video(const SceneOptions& options);
 
 // Finds the poses of a loaded video and writes the scene (camera_scene.hpp) as `folder`, which must
-// be new or empty and appears complete or not at all. Warns of frames that could not be placed, and
-// prints what was found. Error if the camera does not move, only turns, or there are too few
-// frames. If COLMAP fails, its output is kept as `folder`.colmap.log; otherwise it is colmap.log in
-// the scene.
+// be new, empty or unfinished. Until it is complete it holds only the tracks (track_file.hpp), from
+// which a search with the same images continues if this one is stopped. Warns of frames that could
+// not be placed, and prints what was found. Error if the camera does not move, only turns, or there
+// are too few frames. If COLMAP fails, its output is kept as `folder`.colmap.log; otherwise it is
+// colmap.log in the scene.
 void find_cameras(const LoadedScene& video, const SceneOptions& options, const FindCameras& how,
                   const std::string& folder);
 

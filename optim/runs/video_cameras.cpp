@@ -51,7 +51,7 @@ void find_cameras_of_video(TrainOptions& config, const RunFolder& run, bool resu
     if (!camera_moves(video.scene.train, *video.frames)) return;
     if (!quiet)
       print_status("the camera moves: its poses are found first (--still takes it for static)\n");
-    if (before.empty() && fs::exists(folder))
+    if (before.empty() && fs::exists(folder) && !is_unfinished_scene(folder))
       throw Error(fmt::format(
           "training {}: its poses would be written to {}, which gflow did not make; name another "
           "run folder",

@@ -2,6 +2,7 @@
 // `gflow cameras` on rendered videos whose cameras are known.
 #include <gtest/gtest.h>
 
+#include "optim/cameras/find_cameras.hpp"
 #include "optim/runs/run_folder.hpp"
 #include "optim/scene/json_file.hpp"
 #include "optim/scene/readers/colmap_model.hpp"
@@ -104,6 +105,30 @@ TEST_F(CamerasCommand, WritesMasksOfWhatMovesThatNoReaderTakesForItsOwn) {
       EXPECT_EQ(notice.find("mask"), std::string::npos) << notice;
     fs::remove(path("scene/transforms.json"));
   }
+}
+
+std::map<std::string, std::string> files_below(const std::string& folder) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file())
+      files[fs::relative(entry.path(), folder).string()] = contents(entry.path().string());
+  return files;
+}
+
+TEST_F(CamerasCommand, ContinuesFromTheTracksOfASearchThatWasStopped) {
+  const std::string film_folder = film("film");
+  ASSERT_EQ(gflow({"cameras", film_folder, "-o", path("whole"), "--quiet"}).code, 0);
+  const Command stopped({"cameras", film_folder, "-o", path("scene"), "--quiet"});
+  ASSERT_TRUE(wait_until([&] { return fs::exists(path("scene/tracks.npz")); }));
+  stopped.send(SIGKILL);
+  stopped.wait();
+  ASSERT_TRUE(is_unfinished_scene(path("scene")));
+
+  const Outcome result = gflow({"cameras", film_folder, "-o", path("scene")});
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_NE(result.err.find("continuing from the tracks of 16 of 16 frames"), std::string::npos)
+      << result.err;
+  EXPECT_EQ(files_below(path("scene")), files_below(path("whole")));
 }
 
 TEST_F(CamerasCommand, ACameraThatStandsStillIsToldAndNothingIsWritten) {
@@ -221,6 +246,13 @@ TEST_F(TrainingOfVideo, SaysWhyCamerasWereNotFoundAndLeavesNothing) {
   EXPECT_EQ(result.code, 1);
   EXPECT_NE(result.err.find("--still"), std::string::npos) << result.err;
   EXPECT_FALSE(std::filesystem::exists(path("run")));
+}
+
+TEST_F(TrainingOfVideo, ReplacesWhatAStoppedSearchHasLeft) {
+  folder().write("run/scene/tracks.npz", "of another version");
+  const Outcome result = train(film("film"), "run");
+  ASSERT_EQ(result.code, 0) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(path("run/scene/tracks.npz")));
 }
 
 TEST_F(CamerasCommand, TwoFramesAreTooFew) {
