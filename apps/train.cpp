@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "apps/common/command_line.hpp"
 #include "apps/common/compile_ahead.hpp"
@@ -26,7 +27,7 @@ namespace gflow {
 namespace {
 
 struct TrainFlags {
-  std::string scene, run, quality, config_file, init, cameras;
+  std::string scene, run, quality, config_file, init, cameras, method;
   std::vector<std::string> settings;
   int iterations = 0, resolution = 1;
   int save_every = 0;
@@ -127,7 +128,9 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);
   const RunFolder run(flags.run);
-  find_cameras_of_video(config, run, flags.resume, options.quiet);
+  std::optional<CameraMethod> method;
+  if (!flags.method.empty()) method = value_named<CameraMethod>(flags.method);
+  find_cameras_of_video(config, run, method, flags.resume, options.quiet);
   const Evaluation evaluation = train_run(queue, config, run, options.quiet,
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
@@ -194,6 +197,13 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command->add_flag("--still", flags->still,
                     "The camera of a video stands still, even where most of the image moves "
                     "(scene.still); otherwise poses of a camera that moves are found first");
+  command
+      ->add_option("--method", flags->method,
+                   "How the poses of a video are found, as in gflow cameras: tracks, or colmap, "
+                   "also for photographs in any order. The camera counts as one that moves")
+      ->check(choice_of({"tracks", "colmap"}))
+      ->default_str("tracks")
+      ->type_name("WORD");
   const TrainOptions defaults;
   constexpr double most = std::numeric_limits<int>::max();
   command->add_option("--iterations", flags->iterations, "Training steps (train.iterations)")

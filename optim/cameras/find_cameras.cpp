@@ -256,9 +256,10 @@ LoadedScene load_video(const SceneOptions& options) {
   return with_frames(std::move(scene), options, "");
 }
 
-std::string made_from(const Scene& video, const SceneOptions& options) {
-  return fmt::format("{}\n{}", fs::absolute(video.folder).lexically_normal().string(),
-                     cache_stamp(video, options));
+std::string made_from(const Scene& video, const SceneOptions& options, CameraMethod method) {
+  return fmt::format("{}\n{}{}", fs::absolute(video.folder).lexically_normal().string(),
+                     cache_stamp(video, options),
+                     method == CameraMethod::tracks ? "" : fmt::format("by {}\n", name_of(method)));
 }
 
 bool is_unfinished_scene(const std::string& folder) {
@@ -308,7 +309,8 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
       findings.moving = write_motion_mask_files(unfinished + "/" + kMotionMasks, video, path,
                                                 progress_callback(comparing));
     }
-    write_file_atomically(unfinished + "/" + kMadeFrom, made_from(video.scene, options));
+    write_file_atomically(unfinished + "/" + kMadeFrom,
+                          made_from(video.scene, options, how.method));
     write_file_atomically(unfinished + "/statistics.json", statistics_json(findings));
     if (by_colmap) write_file_atomically(unfinished + "/colmap.log", log);
   });

@@ -22,8 +22,9 @@ struct FindCameras {
 
 // File in the scene folder that says from what it was made.
 inline constexpr const char* kMadeFrom = "video.txt";
-// Its contents: the path of the video in the first line, then everything else that matters.
-std::string made_from(const Scene& video, const SceneOptions& options);
+// Its contents: the path of the video in the first line, then everything else that matters. That of
+// another method begins with that of CameraMethod::tracks.
+std::string made_from(const Scene& video, const SceneOptions& options, CameraMethod method);
 // Whether a folder holds nothing but what a stopped search has left.
 bool is_unfinished_scene(const std::string& folder);
 

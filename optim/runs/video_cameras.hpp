@@ -2,6 +2,9 @@
 // A run on a video whose camera moves: its poses are found first, and the run trains on a scene of
 // its own, RUN/scene.
 #pragma once
+#include <optional>
+
+#include "optim/cameras/find_cameras.hpp"
 #include "optim/options/train_options.hpp"
 #include "optim/runs/run_folder.hpp"
 
@@ -12,6 +15,9 @@ namespace gflow {
 // same frames is used again; if the run is resumed, one from the same video. Other scenes, and
 // videos with scene.still or scene.cameras, are left alone. Error if the camera moves and its poses
 // cannot be found.
-void find_cameras_of_video(TrainOptions& config, const RunFolder& run, bool resumes, bool quiet);
+// method: nullopt for tracks, if the camera moves; a method is also tried on images from which that
+// cannot be told. Error if one is given for a scene that is left alone.
+void find_cameras_of_video(TrainOptions& config, const RunFolder& run,
+                           std::optional<CameraMethod> method, bool resumes, bool quiet);
 
 }  // namespace gflow

@@ -248,6 +248,29 @@ TEST_F(TrainingOfVideo, SaysWhyCamerasWereNotFoundAndLeavesNothing) {
   EXPECT_FALSE(std::filesystem::exists(path("run")));
 }
 
+TEST_F(TrainingOfVideo, UsesTheMethodThatIsGiven) {
+  for (int k = 0; k < 6; ++k)
+    write_png(folder().file(fmt::format("still/{}.png", k)), seen_from(3));
+  const Outcome still = train(path("still"), "run", {"--method", "tracks"});
+  EXPECT_EQ(still.code, 1);
+  EXPECT_NE(still.err.find("the camera does not move"), std::string::npos) << still.err;
+  const Outcome colmap =
+      gflow({"train", path("still"), "-o", path("run"), "--method", "colmap"}, "PATH=/nowhere");
+  EXPECT_EQ(colmap.code, 1);
+  EXPECT_NE(colmap.err.find("colmap is not on PATH"), std::string::npos) << colmap.err;
+  EXPECT_FALSE(std::filesystem::exists(path("run")));
+}
+
+TEST_F(TrainingOfVideo, RefusesAMethodWhereNoCamerasAreFound) {
+  const std::string film_folder = film("film", 4);
+  folder().write("scene/transforms.json", "{}");
+  expect_refused({"train", path("scene"), "-o", path("run"), "--method", "colmap"},
+                 {"--method colmap", path("scene"), "has its own cameras (nerfstudio)"});
+  expect_refused({"train", film_folder, "-o", path("run"), "--method", "tracks", "--still"},
+                 {"--method tracks", "stands still (--still)"});
+  EXPECT_FALSE(std::filesystem::exists(path("run")));
+}
+
 TEST_F(TrainingOfVideo, ReplacesWhatAStoppedSearchHasLeft) {
   folder().write("run/scene/tracks.npz", "of another version");
   const Outcome result = train(film("film"), "run");
