@@ -18,6 +18,13 @@ TEST(QuickMotionMasks, CoverWhatMoves) {
   EXPECT_EQ(done.size(), size_t(RoomVideo::frames));
   ASSERT_EQ(masks.size(), size_t(RoomVideo::frames));
   EXPECT_GT(overlap(masks, room.moving), 0.6);
+  size_t marked = 0, wrongly = 0;
+  for (size_t k = 0; k < masks.size(); ++k)
+    for (size_t i = 0; i < masks[k].pixels.size(); ++i) {
+      marked += masks[k].pixels[i];
+      wrongly += masks[k].pixels[i] && !room.moving[k].pixels[i];
+    }
+  EXPECT_LT(double(wrongly), 0.05 * double(marked));
 }
 
 TEST(QuickMotionMasks, AreNearlyEmptyWhereNothingMoves) {
