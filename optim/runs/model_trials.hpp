@@ -13,7 +13,7 @@ bool chooses_by_trials(const TrainOptions& config);
 // Trains on the scene of `config` with each of spacetime, keyframes, hexplane and nodes, without
 // every eighth camera, or of a single camera without every eighth image, and returns the model
 // whose mean PSNR of these is highest, the one that the kind of scene suggests (motion_model()) if
-// it is within a tenth of a dB. Prints each result unless quiet. Images of videos and optical flow
+// it is within .3 dB. Prints each result unless quiet. Images of videos and optical flow
 // go to a temporary folder. Error if the scene cannot be trained on.
 MotionChoice model_by_trials(Queue& queue, const TrainOptions& config, bool quiet);
 

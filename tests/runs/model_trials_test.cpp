@@ -38,7 +38,7 @@ TEST_F(ModelTrials, TheBestOnHeldBackViewsIsChosen) {
       printed(testing::internal::GetCapturedStderr() + testing::internal::GetCapturedStdout());
   ASSERT_EQ(trials.size(), 4u);
   for (const auto& [name, psnr] : trials)
-    EXPECT_LE(psnr, trials.at(name_of(chosen)) + 0.11) << name;  // near equals: by the scene
+    EXPECT_LE(psnr, trials.at(name_of(chosen)) + 0.31) << name;  // near equals: by the scene
 }
 
 TEST_F(ModelTrials, OnlyAnAutomaticModelIsTried) {
