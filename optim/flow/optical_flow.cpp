@@ -37,12 +37,17 @@ cv::Mat part_of(const cv::Mat& image, const Rect& part) {
 
 // Where the camera moves, patches 3 px apart are nearly as good as on every pixel (README.md), and
 // seven times faster. In the parts that move before a camera at rest, fine things in fast motion
-// need all. More iterations of either kind do not give better flow.
-cv::Ptr<cv::DISOpticalFlow> dis_for(CameraMotion camera) {
+// need all in small images; in larger ones they span more pixels. More iterations of either kind do
+// not give better flow.
+cv::Ptr<cv::DISOpticalFlow> dis_for(CameraMotion camera, int longer_side) {
+  constexpr int widest = 3, pixels_per_stride = 200;
+  const int stride = camera == CameraMotion::none
+                         ? std::clamp(longer_side / pixels_per_stride, 1, widest)
+                         : widest;
   auto dis = cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
   dis->setFinestScale(0);
   dis->setPatchSize(8);
-  dis->setPatchStride(camera == CameraMotion::none ? 1 : 3);
+  dis->setPatchStride(stride);
   dis->setGradientDescentIterations(25);
   dis->setVariationalRefinementIterations(5);
   return dis;
@@ -155,7 +160,7 @@ std::pair<TargetFlow, TargetFlow> estimate_target_flows(const Image& a, const Im
   check_pair(a, b);
   return flows_in(camera == CameraMotion::none ? changed_regions(a, b)
                                                : std::vector<Rect>{{0, 0, a.width, a.height}},
-                  a, b, *dis_for(camera));
+                  a, b, *dis_for(camera, std::max(a.width, a.height)));
 }
 
 std::pair<TargetFlow, TargetFlow> estimate_quick_flows(const Image& a, const Image& b) {

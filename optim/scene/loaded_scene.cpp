@@ -40,7 +40,7 @@ const std::vector<Frame>& frames_of_split(const Scene& scene, std::string_view s
 
 std::string cache_stamp(const Scene& scene, const SceneOptions& options) {
   namespace fs = std::filesystem;
-  std::string stamp = fmt::format("packed DIS flow 3, resolution {} background {}\n",
+  std::string stamp = fmt::format("packed DIS flow 4, resolution {} background {}\n",
                                   options.resolution, name_of(options.background));
   const auto add_file = [&](const std::string& path) {
     stamp += fmt::format("{} {} {}\n", path, fs::file_size(path),
