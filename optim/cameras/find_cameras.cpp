@@ -235,6 +235,27 @@ void report(const std::string& folder, const Findings& f) {
         "--fovy if it is known\n");
 }
 
+// Small images show little.
+std::string with_resolution(const std::string& problem, const SceneOptions& options) {
+  return options.resolution > 1
+             ? fmt::format("{}; the images are reduced by -r {}: use a smaller one", problem,
+                           options.resolution)
+             : problem;
+}
+
+// Error if hardly any frames belong together: they would train a scene of nothing.
+void require_scene(const Findings& findings) {
+  constexpr size_t least_points = 50, least_share = 10;  // one in so many frames
+  if (findings.reprojection.points >= least_points &&
+      findings.placed * least_share >= findings.frames)
+    return;
+  throw Error(
+      fmt::format("only {} of {} frames could be placed, with {} point{} in common: the images "
+                  "have too little texture, too much blur or no order",
+                  findings.placed, findings.frames, findings.reprojection.points,
+                  findings.reprojection.points == 1 ? "" : "s"));
+}
+
 }  // namespace
 
 LoadedScene load_video(const SceneOptions& options) {
@@ -277,6 +298,7 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
                             kLeastFrames));
   const bool by_colmap = how.method == CameraMethod::colmap;
   TrackedPath found;
+  Findings findings;
   std::string log;
   UnfinishedSearch search(folder, cache_stamp(video.scene, options));
   try {
@@ -287,19 +309,21 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
     } else {
       found = find_by_tracks(video, how, search);
     }
+    make_upright(found.tracks, found.path);
+    findings =
+        findings_of(found.tracks, found.path, video.frames->camera(frames[0]).height, how.fovy > 0);
+    require_scene(findings);
   } catch (const Interrupted&) {
     throw;
   } catch (const Error& problem) {
     search.give_up();
-    throw Error(fmt::format("finding the cameras of {}: {}", video.scene.folder, problem.what()));
+    throw Error(fmt::format("finding the cameras of {}: {}", video.scene.folder,
+                            with_resolution(problem.what(), options)));
   }
   const std::vector<FeatureTrack>& tracks = found.tracks;
-  CameraPath& path = found.path;
-  make_upright(tracks, path);
+  const CameraPath& path = found.path;
   // COLMAP's tracks also span frames that do not show them, so that they reveal no breaks.
   warn_of_gaps(path, by_colmap ? std::vector<int>{} : breaks_of(tracks, int(frames.size())));
-  Findings findings =
-      findings_of(tracks, path, video.frames->camera(frames[0]).height, how.fovy > 0);
   write_scene(folder, [&](const std::string& unfinished) {
     Progress writing("images", long(frames.size()), how.quiet);
     write_camera_scene(unfinished, video, tracks, path, progress_callback(writing));

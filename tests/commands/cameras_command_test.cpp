@@ -7,6 +7,7 @@
 #include "optim/scene/json_file.hpp"
 #include "optim/scene/readers/colmap_model.hpp"
 #include "optim/scene/scene.hpp"
+#include "shared/random.h"
 #include "tests/support/camera_path.hpp"
 #include "tests/support/command.hpp"
 #include "tests/support/room_video.hpp"
@@ -276,6 +277,28 @@ TEST_F(TrainingOfVideo, ReplacesWhatAStoppedSearchHasLeft) {
   const Outcome result = train(film("film"), "run");
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_FALSE(std::filesystem::exists(path("run/scene/tracks.npz")));
+}
+
+// A few frames of something and many of noise: no scene, rather than one of nothing.
+TEST_F(CamerasCommand, HardlyAnyFramesThatBelongTogetherAreNoScene) {
+  const std::string film = path("noise");
+  for (int k = 0; k < 70; ++k) {
+    Image image = seen_from(std::min(k, 5));
+    if (k > 5)
+      for (size_t i = 0; i < image.pixels.size(); ++i)
+        image.pixels[i] = uint8_t(255 * random_uniform(7u, uint(k), uint(i)));
+    write_png(folder().file(fmt::format("noise/{:02}.png", k)), image);
+  }
+  const Outcome result = gflow({"cameras", film, "-o", path("scene")});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("of 70 frames could be placed"), std::string::npos) << result.err;
+  EXPECT_FALSE(fs::exists(path("scene")));
+}
+
+TEST_F(CamerasCommand, SmallImagesAreNamedAsTheCause) {
+  const Outcome result = gflow({"cameras", film("film"), "-o", path("scene"), "-r", "8"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("reduced by -r 8"), std::string::npos) << result.err;
 }
 
 TEST_F(CamerasCommand, TwoFramesAreTooFew) {
