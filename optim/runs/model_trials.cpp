@@ -27,7 +27,7 @@ double psnr_of_trial(Queue& queue, const Scene& scene, const TrainOptions& confi
                      const ScratchFolder& folder, bool quiet) {
   Preparation prepared(config, with_frames(scene, config.scene, folder.file("frames")));
   prepared.find_motion_masks();
-  prepared.compute_flow(folder.file("flow"), quiet);
+  prepared.compute_flow(folder.file("flow"), true);
   Model model(queue, prepared.first_model(queue, true));
   Trainer trainer = prepared.trainer(queue, model);
   Progress progress(fmt::format("trial of {}", name_of(model.shape.motion)),
@@ -62,9 +62,16 @@ MotionChoice model_by_trials(Queue& queue, const TrainOptions& options, bool qui
     const double psnr = psnr_of_trial(queue, scene, config, folder, quiet);
     results.emplace_back(psnr + (kind == suggested ? kClear : 0), kind);
     if (!quiet)
-      print_status("trial of {}: {:.2f} dB of views that it does not see\n", name_of(kind), psnr);
+      print_status("trial of {}: PSNR {:.2f} dB of views that are held back\n", name_of(kind),
+                   psnr);
   }
-  return choice_of(std::max_element(results.begin(), results.end())->second);
+  const MotionModelKind chosen = std::max_element(results.begin(), results.end())->second;
+  if (!quiet)
+    print_status("chosen: {}{}\n", name_of(chosen),
+                 chosen == suggested
+                     ? fmt::format(", for this kind of scene; no other is {} dB better", kClear)
+                     : "");
+  return choice_of(chosen);
 }
 
 }  // namespace gflow

@@ -288,9 +288,11 @@ Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder&
   require_inputs_elsewhere(config, run);
   if (plan.starts_fresh()) require_init_file(config);
   StopSentence stop("interrupted while reading the scene; nothing was lost");
-  if (chooses_by_trials(config))
+  if (chooses_by_trials(config)) {
+    stop.set("interrupted while trying motion models; nothing was begun");
     config.motion.model = plan.checkpoint ? model_begun_with(plan.checkpoint->checkpoint)
                                           : model_by_trials(queue, config, quiet);
+  }
   Preparation prepared(config, run.path("frames"));
   const Scene& scene = prepared.scene();
   if (plan.checkpoint) require_resumable(*plan.checkpoint, queue, config, scene, run);

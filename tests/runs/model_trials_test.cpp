@@ -19,7 +19,7 @@ class ModelTrials : public testing::Test {
   // Name of each model tried and the PSNR of its held-back views.
   static std::map<std::string, double> printed(const std::string& output) {
     std::map<std::string, double> trials;
-    const std::regex line("trial of (\\w+): ([0-9.]+) dB");
+    const std::regex line("trial of (\\w+): PSNR ([0-9.]+) dB");
     for (std::sregex_iterator at(output.begin(), output.end(), line), end; at != end; ++at)
       trials[(*at)[1]] = std::stod((*at)[2]);
     return trials;
