@@ -14,7 +14,7 @@ const neededArrays = {
   spacetime: { means: 3, means_t: 1, quats: 4, log_scales: 4, logit_opacities: 1, sh0: 3 },
   native4d: { means: 3, means_t: 1, quats: 4, log_scales: 4, logit_opacities: 1, sh0: 3 },
   keyframes: { means: 3, means_t: 1, quats: 4, log_scales: 4, logit_opacities: 1, sh0: 3 },
-  poses: { quats: 4, log_scales: 3, logit_opacities: 1, sh0: 3 },
+  poses: { quats: 4, logit_opacities: 1, sh0: 3 },
 };
 // Rows of Gaussians that move; static ones, from `moving` on, have none.
 const movingArrays = {
@@ -48,9 +48,11 @@ function readArray(name, entry, buffer, base) {
     throw new FileError(`The model is truncated or damaged: its array ${name} does not fit into the file.`);
   const raw = at % size ? new Type(buffer.slice(at, at + length * size)) : new Type(buffer, at, length);
   if (Type === Float32Array) return raw;
-  const scale = entry.scale ?? 1, shift = entry.shift ?? 0, values = new Float32Array(length);
-  for (let i = 0; i < length; ++i)
-    values[i] = (entry.type === 'float16' ? floatOfHalf(raw[i]) : raw[i]) * scale + shift;
+  // scale and shift are numbers, or lists with one for each column.
+  const width = entry.shape.at(-1) || 1, columns = (x) => Array.from({ length: width }, (_, k) => (Array.isArray(x) ? x[k] : x));
+  const scale = columns(entry.scale ?? 1), shift = columns(entry.shift ?? 0), values = new Float32Array(length);
+  for (let i = 0, k = 0; i < length; ++i, k = k + 1 === width ? 0 : k + 1)
+    values[i] = (entry.type === 'float16' ? floatOfHalf(raw[i]) : raw[i]) * scale[k] + shift[k];
   return values;
 }
 
@@ -99,15 +101,31 @@ export function checkedModel(header, arrays) {
     if (arrays[name]) need(name, width * moving * keys);
   const rest = 3 * ((model.sh_degree + 1) ** 2 - 1);
   if (rest) need('sh_rest', rest * n);
-  if (motion === 'poses' && !arrays.means) {
-    if (moving < n) throw new FileError('The model is damaged: its static Gaussians have no means.');
-    arrays.means = arrays.pose_means.subarray(0, 3 * n);
-  }
+  if (motion === 'poses') completePoses(model, need);
   need('means', 3 * n);
   const box = boxOf(arrays.means);
   if (!Array.isArray(model.origin)) model.origin = box.centre;
   if (!(model.extent > 0)) model.extent = box.size;
   return model;
+}
+
+// Poses may lack lifetimes and means that all time steps replace.
+function completePoses(model, need) {
+  const { arrays, count: n } = model, { times } = model;
+  if (!arrays.means) {
+    if (model.moving < n) throw new FileError('The model is damaged: its static Gaussians have no means.');
+    arrays.means = arrays.pose_means.subarray(0, 3 * n);
+  }
+  if (arrays.means_t) need('log_scales', 4 * n);
+  else {
+    need('log_scales', 3 * n);
+    const scales = new Float32Array(4 * n).fill(40);  // a lifetime without end
+    for (let i = 0; i < n; ++i) for (let k = 0; k < 3; ++k) scales[4 * i + k] = arrays.log_scales[3 * i + k];
+    arrays.log_scales = scales;
+    arrays.means_t = new Float32Array(n);
+  }
+  if (times && !(Array.isArray(times) && times.length === model.keyCount && times.every((t, k) => !k || t > times[k - 1])))
+    throw new FileError('The model is damaged: the times of its poses do not ascend.');
 }
 
 // Centre and half size of the box of the middle nine tenths of the means along each axis.

@@ -294,7 +294,7 @@ function resetCamera() {
 function fillCameras() {
   const select = $('camera');
   select.replaceChildren(new Option('Free camera', ''));
-  for (const [split, title] of [['test', 'Test cameras'], ['val', 'Validation cameras'], ['train', 'Training cameras']]) {
+  for (const [split, title] of [['test', 'Test cameras'], ['val', 'Validation cameras'], ['train', 'Training cameras'], ['view', 'Cameras']]) {
     const part = groups.filter((group) => group.split === split);
     if (!part.length) continue;
     const section = document.createElement('optgroup');
@@ -402,13 +402,13 @@ function fail(error, seconds = 0) {
 
 // ---- pictures
 // The picture of a camera of the scene, or of the free one, at its own size.
-export async function capture({ camera = cameraIndex(), time = state.time, width, height, mode = state.mode, sums = false, ...more } = {}) {
+export async function capture({ camera = cameraIndex(), time = state.time, width, height, mode = state.mode, sums = false, precise = true, ...more } = {}) {
   const wide = width ?? canvas.width, high = height ?? canvas.height;
   const view = camera >= 0 ? viewOfCamera(info.cameras[camera], model.near) : free.view(wide, high, model.near);
   await sortedFor(view, modelTime(time));
   const { duration } = model, nextTime = Math.min(modelTime(time) + duration / Math.max(steps() - 1, 1), duration);
   const options = { ...look(), mode, nextTime, ...more };
-  const pixels = sums ? renderer.captureSums(view, modelTime(time), options) : renderer.capture(view, modelTime(time), options);
+  const pixels = sums ? renderer.captureSums(view, modelTime(time), options) : renderer.capture(view, modelTime(time), options, precise);
   dirty = true;
   return { width: view.width, height: view.height, pixels };
 }

@@ -11,9 +11,14 @@ export function windowSigmas(cutoff) {
 // The keys that make the pose at time t and their weights: { first, weights }. Keyframes: Catmull-Rom,
 // extended linearly at the ends; poses: linear.
 export function keyWeights(model, t) {
-  const keys = model.keyCount;
+  const keys = model.keyCount, { times } = model, at = t / model.duration;
   if (keys < 2) return { first: 0, weights: [1] };
-  let place = Math.min(Math.max(t / model.duration, 0), 1) * (keys - 1);
+  let place = Math.min(Math.max(at, 0), 1) * (keys - 1);
+  if (times) {  // uneven
+    let k = 0;
+    while (k < keys - 2 && at >= times[k + 1]) ++k;
+    place = Math.min(Math.max(k + (at - times[k]) / (times[k + 1] - times[k]), 0), keys - 1);
+  }
   // Snap to the key: the time of a frame is rounded to float.
   if (Math.abs(place - Math.round(place)) < 1e-5 * keys) place = Math.round(place);
   const key = Math.min(Math.floor(place), keys - 2), f = place - key;
@@ -30,7 +35,7 @@ export function keyWeights(model, t) {
 
 // Texels of four floats per Gaussian. Each motion model begins with
 //   mean, logit of the opacity | quat w x y z | log scales x y z, log of the temporal deviation
-const texelsOfMotion = { static: 3, spacetime: 6, native4d: 5, keyframes: 4, poses: 3 };
+const texelsOfMotion = { static: 3, spacetime: 6, native4d: 5, keyframes: 4, poses: 4 };
 export function texelsPerRow(model) {
   return texelsOfMotion[model.motion] + (model.arrays.cubics ? 1 : 0) + (model.arrays.windows ? 1 : 0);
 }
@@ -87,7 +92,7 @@ export function packKey(model, key, texels, put) {
 
 // What the worker needs of a model, so that colours and shapes are not copied to it.
 export function motionOf(model) {
-  const { motion, count, moving, duration, cutoff, keyCount } = model;
+  const { motion, count, moving, duration, cutoff, keyCount, times } = model;
   const arrays = {};
   for (const name of ['means', 'means_t', 'velocities', 'half_accelerations', 'cubics', 'windows', 'key_shifts',
     'pose_means', 'pose_opacities'])
@@ -100,7 +105,7 @@ export function motionOf(model) {
     }
     if (motion === 'native4d') arrays.velocities = velocities;
   }
-  return { motion, count, moving, duration, cutoff, keyCount, arrays };
+  return { motion, count, moving, duration, cutoff, keyCount, times, arrays };
 }
 
 // native4d: velocity of row i, and its temporal standard deviation |p_t| (kernels/shared/motion/native4d.h).

@@ -2,8 +2,8 @@
 // Draws a model with WebGL2: parameters in float textures, poses in the vertex shader, one rectangle per
 // Gaussian, farthest first, blended into floats. All of it can be made again after a lost context.
 import { keyWeights, packKey, packRows, texelsPerKey, texelsPerRow, windowSigmas } from './motion.js';
-import { fragmentShader, keyLayers, modeNumbers, screenFragmentShader, screenVertexShader, shTexels, textureWidth,
-  vertexShader, wheelColors } from './shaders.js';
+import { fragmentShader, keyLayers, modeNumbers, screenFragmentShader, screenVertexShader } from './shaders.js';
+import { shTexels, textureWidth, vertexShader, wheelColors } from './shaders.js';
 
 export class Renderer {
   constructor(canvas) {
@@ -243,8 +243,8 @@ export class Renderer {
   }
 
   // The picture as RGBA bytes, top row first.
-  capture(view, time, look) {
-    const { gl } = this, { width, height } = view, sums = this.sum(view, time, look, true);
+  capture(view, time, look, precise = true) {
+    const { gl } = this, { width, height } = view, sums = this.sum(view, time, look, precise);
     const target = this.target('bytes', width, height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.framebuffer);
     this.resolve(sums, look, 0, 0);

@@ -157,16 +157,16 @@ Pose poseAt(int i, int which) {
       scaleShift += keyTexel(key, i, 2).xyz * w;
 #endif
     }
+  float dt = t - rowTexel(i, 3).w, life = exp(min(logScales.w, 40.));
+  o.opacity = abs(dt) < sigmas * life ? lifeOpacity(base.w, dt, life * life) : 0.;
 #if MOTION == 3
   o.mean = base.xyz + shift;
   o.factor = factorOf(quat + turn, exp(logScales.xyz + scaleShift));
-  float dt = t - rowTexel(i, 3).w, life = exp(logScales.w);
-  o.opacity = abs(dt) < sigmas * life ? lifeOpacity(base.w, dt, life * life) : 0.;
 #else
   bool moves = i < moving;
   o.mean = moves ? shift : base.xyz;
   o.factor = factorOf(moves ? turn : quat, exp(moves && KEY_TEXELS == 3 ? scaleShift : logScales.xyz));
-  o.opacity = moves && KEY_OPACITIES == 1 ? keyOpacity : sigmoid(base.w);
+  if (moves && KEY_OPACITIES == 1) o.opacity = keyOpacity;
 #endif
 #endif
 #if WINDOWS

@@ -9,7 +9,8 @@ async function fetched(address, options) {
   } catch {
     throw new FileError('The server does not answer. gflow view may have ended.');
   }
-  if (!answer.ok && answer.status !== 304) throw new FileError(`The server answers ${answer.status} for ${address}.`);
+  if (!answer.ok && answer.status !== 304)
+    throw new FileError((await answer.json().catch(() => ({}))).error || `The server answers ${answer.status} for ${address}.`);
   return answer;
 }
 const json = async (address) => (await fetched(address)).json();
@@ -22,10 +23,11 @@ export class ServedRun {
     this.nextLine = 0;
     this.lines = [];
   }
-  async info() { return (this.latestInfo = await json(`api/run/${this.id}/info`)); }
+  async state() { return json(`/api/run/${this.id}/state`); }
+  async info() { return (this.latestInfo = await json(`/api/run/${this.id}/info`)); }
   // The newest model, or null if it has not changed since the last call.
   async model() {
-    const answer = await fetched(`api/run/${this.id}/model`, this.tag ? { headers: { 'If-None-Match': this.tag } } : {});
+    const answer = await fetched(`/api/run/${this.id}/model`, this.tag ? { headers: { 'If-None-Match': this.tag } } : {});
     if (answer.status === 304) return null;
     const tag = answer.headers.get('ETag');
     if (tag && tag === this.tag) return null;
@@ -33,10 +35,10 @@ export class ServedRun {
     this.tag = tag;
     return model;
   }
-  imageAddress(camera) { return `api/run/${this.id}/image?camera=${camera}`; }
+  imageAddress(camera) { return `/api/run/${this.id}/image?camera=${camera}`; }
   // New lines of metrics.jsonl; true if there were any.
   async readMetrics() {
-    const { lines, next } = await json(`api/run/${this.id}/metrics?from=${this.nextLine}`);
+    const { lines, next } = await json(`/api/run/${this.id}/metrics?from=${this.nextLine}`);
     if (next < this.nextLine) this.lines = [];  // the training began again
     this.nextLine = next;
     this.lines.push(...lines);
@@ -62,12 +64,12 @@ export async function findRuns() {
   const embedded = await embeddedModel();
   if (embedded) return [new LocalRun(embedded.info.name || 'scene', embedded.model, embedded.info)];
   if (location.protocol === 'file:') return [];
-  return (await json('api/runs')).map((entry) => new ServedRun(entry));
+  return (await json('/api/runs')).map((entry) => new ServedRun(entry));
 }
 
 // The worker that sorts: its own script in an exported page, else a module of the server.
 export function makeSorter() {
   const text = document.getElementById('gflow-worker')?.textContent;
-  if (!text) return new Worker(new URL('./sort.worker.js', import.meta.url), { type: 'module' });
+  if (!text) return new Worker('/viewer/sort.worker.js', { type: 'module' });
   return new Worker(URL.createObjectURL(new Blob([text], { type: 'text/javascript' })));
 }
