@@ -15,10 +15,11 @@ struct Answer {
   std::string head, body;
 };
 
-// Sends bytes to a port of this machine and reads until the other side closes.
-inline Answer ask(int port, const std::string& bytes) {
+// Sends bytes to a port of this machine and reads until the other side closes, or is silent for
+// `patience` seconds.
+inline Answer ask(int port, const std::string& bytes, double patience = 20) {
   const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
-  const timeval limit{10, 0};
+  const timeval limit{time_t(patience), suseconds_t(1e6 * (patience - double(time_t(patience))))};
   ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
   sockaddr_in to{};
   to.sin_family = AF_INET;
@@ -33,7 +34,6 @@ inline Answer ask(int port, const std::string& bytes) {
       if (n <= 0) break;
       sent += size_t(n);
     }
-    ::shutdown(socket, SHUT_WR);
     char piece[65536];
     for (ssize_t n; (n = ::recv(socket, piece, sizeof piece, 0)) > 0;) all.append(piece, size_t(n));
   }

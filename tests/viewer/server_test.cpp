@@ -108,7 +108,7 @@ TEST_F(ViewerServer, SurvivesRequestsThatNoBrowserSends) {
                     "99999999999\r\nConnection: close\r\n\r\n"),
         std::string(
             "GET / HTTP/1.1\r\nHost: localhost\r\nRange: bytes=9-1\r\nConnection: close\r\n\r\n")})
-    EXPECT_NE(ask(port_, bytes).status, 200) << bytes.substr(0, 40);
+    EXPECT_NE(ask(port_, bytes, 0.3).status, 200) << bytes.substr(0, 40);
   EXPECT_EQ(get("/").status, 200);
 }
 
