@@ -36,10 +36,15 @@ std::string name_of_path(const std::string& path) {
   return whole.filename().string();
 }
 
+// As many digits as a float has, which is what cameras are drawn with.
+double float_digits(double value) {
+  return std::strtod(fmt::format("{:.9g}", value).c_str(), nullptr);
+}
+
 Json json_of(const Camera& camera) {
   Json viewmat = Json::array();
   for (long r = 0; r < 4; ++r)
-    for (long c = 0; c < 4; ++c) viewmat.push_back(camera.viewmat(r, c));
+    for (long c = 0; c < 4; ++c) viewmat.push_back(float_digits(camera.viewmat(r, c)));
   return {{"name", camera.name}, {"width", camera.width}, {"height", camera.height},
           {"fx", camera.fx},     {"fy", camera.fy},       {"cx", camera.cx},
           {"cy", camera.cy},     {"viewmat", viewmat}};
