@@ -64,11 +64,10 @@ export class TruthOverlay {
     this.handle.setAttribute('aria-valuenow', String(Math.round(100 * share)));
     this.tags[0].textContent = 'True image';
     this.tags[1].textContent = 'Model';
-    const right = kind === 'beside' ? frame : frame;
     this.tags[0].style.left = `${place.left + 8}px`;
     this.tags[0].style.top = this.tags[1].style.top = `${Math.max(frame.top, 0) + 8}px`;
-    this.tags[1].style.left = kind === 'beside' ? `${right.left + 8}px` : '';
-    this.tags[1].style.right = kind === 'beside' ? '' : `${this.stage.clientWidth - right.left - right.width + 8}px`;
+    this.tags[1].style.left = kind === 'beside' ? `${frame.left + 8}px` : '';
+    this.tags[1].style.right = kind === 'beside' ? '' : `${this.stage.clientWidth - frame.left - frame.width + 8}px`;
   }
 
   // Calls changed(share) while the handle is moved.

@@ -103,10 +103,7 @@ export function checkedModel(header, arrays) {
   if (rest) need('sh_rest', rest * n);
   if (motion === 'poses') completePoses(model, need);
   need('means', 3 * n);
-  const box = boxOf(arrays.means);
-  if (!Array.isArray(model.origin)) model.origin = box.centre;
-  if (!(model.extent > 0)) model.extent = box.size;
-  return model;
+  return Object.assign(model, boxOf(arrays.means));  // centre and size
 }
 
 // Poses may lack lifetimes and means that all time steps replace.
