@@ -20,9 +20,17 @@ export function groupCameras(cameras) {
   });
   for (const group of groups) {
     group.members.sort((a, b) => cameras[a].time - cameras[b].time);
-    const name = String(cameras[group.members[0]].name);
-    group.label = group.members.length > 1 ? name.replace(/([/_ -]|images)*\d+(\.\w+)?$/, '') || name : name;
+    const names = group.members.map((index) => String(cameras[index].name)), [name] = names;
+    const same = names.every((one) => one === name);  // else they end with the number of the time step
+    group.label = same ? name : name.replace(/([/_ -]|images)*\d+(\.\w+)?$/, '') || name;
   }
+  // A camera that moves has one name for all its places.
+  for (const group of groups) {
+    const step = cameras[group.members[0]].step;
+    if (group.members.length === 1 && groups.filter((other) => other.label === group.label && other.split === group.split).length > 1)
+      group.longLabel = `${group.label} at ${step}`;
+  }
+  for (const group of groups) group.label = group.longLabel ?? group.label;
   return groups;
 }
 
