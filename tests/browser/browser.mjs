@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A headless Chromium, driven over the pipe of its DevTools protocol: no package is needed.
 import { spawn } from 'node:child_process';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { extname, join } from 'node:path';
 
 export class Browser {
   static async start({ program = process.env.CHROMIUM || 'chromium', flags = [] } = {}) {
@@ -37,7 +37,7 @@ export class Browser {
     this.process.stdio[3].write(`${JSON.stringify({ id, method, params, sessionId })}\0`);
     return new Promise((done, fail) => this.waiting.set(id, { done, fail }));
   }
-  async page(address, { width = 1280, height = 800, ratio = 1, touch = false, before = '' } = {}) {
+  async page(address, { width = 1280, height = 800, ratio = 1, touch = false, before = '', files = '' } = {}) {
     const { targetId } = await this.send('Target.createTarget', { url: 'about:blank' });
     const { sessionId } = await this.send('Target.attachToTarget', { targetId, flatten: true });
     const page = new Page(this, sessionId, targetId);
@@ -46,6 +46,7 @@ export class Browser {
     await page.send('Page.enable');
     await page.send('Emulation.setDeviceMetricsOverride', { width, height, deviceScaleFactor: ratio, mobile: touch });
     if (touch) await page.send('Emulation.setTouchEmulationEnabled', { enabled: true });
+    if (files) await page.takeFilesFrom(files);
     if (before) await page.send('Page.addScriptToEvaluateOnNewDocument', { source: before });
     await page.send('Page.navigate', { url: address });
     return page;
@@ -71,6 +72,18 @@ export class Page {
     });
   }
   send(method, params) { return this.browser.send(method, params, this.session); }
+  // Serves the page's own files from a folder instead of the server, to test them without a build.
+  async takeFilesFrom(folder) {
+    const types = { '.js': 'text/javascript', '.css': 'text/css', '.html': 'text/html' };
+    this.browser.listeners.push(({ method, params, sessionId }) => {
+      if (method !== 'Fetch.requestPaused' || sessionId !== this.session) return;
+      const { pathname } = new URL(params.request.url), path = join(folder, pathname === '/' ? 'index.html' : pathname.replace('/viewer/', ''));
+      if (!existsSync(path)) return void this.send('Fetch.continueRequest', { requestId: params.requestId });
+      this.send('Fetch.fulfillRequest', { requestId: params.requestId, responseCode: 200, body: readFileSync(path).toString('base64'),
+        responseHeaders: [{ name: 'Content-Type', value: types[extname(path)] }] });
+    });
+    await this.send('Fetch.enable', { patterns: [{ urlPattern: '*/viewer/*' }, { urlPattern: 'http://*/', resourceType: 'Document' }] });
+  }
   // The value of an expression, which may be a promise.
   async run(expression) {
     const { result, exceptionDetails } = await this.send('Runtime.evaluate', { expression, awaitPromise: true, returnByValue: true });
@@ -86,6 +99,11 @@ export class Page {
     const { data } = await this.send('Page.captureScreenshot', { format: 'png' });
     writeFileSync(path, Buffer.from(data, 'base64'));
   }
+  async drop(...paths) {
+    const { root } = await this.send('DOM.getDocument'), { nodeId } = await this.send('DOM.querySelector', { nodeId: root.nodeId, selector: '#file' });
+    await this.send('DOM.setFileInputFiles', { nodeId, files: paths });
+  }
+  close() { return this.browser.send('Target.closeTarget', { targetId: this.target }); }
   async key(key, code = key) {
     const text = key.length === 1 ? key : undefined;
     await this.send('Input.dispatchKeyEvent', { type: 'keyDown', key, code, text });

@@ -86,7 +86,7 @@ export class FreeCamera {
     this.eye = add3(add3(add3(this.eye, right, by[0]), this.up, by[1]), forward, by[2]);
   }
 
-  // Ten numbers in the address: eye, forward, up direction is that of the scene, distance, field of view.
+  // In the address: eye, forward, right, distance, field of view.
   toText() {
     return [...this.eye, ...this.axes[2], ...this.axes[0], this.distance, this.fov].map((x) => +x.toPrecision(6)).join(',');
   }
@@ -129,7 +129,7 @@ export function attachCamera(element, camera, take, changed) {
     } else if (pointers.size === 1) {
       const pans = pointer.button === 2 || pointer.button === 1 || event.shiftKey;
       const sign = camera.style === 'orbit' ? 1 : -0.5;
-      act(() => pans ? camera.pan(dx / height, dy / height) : camera.turn(-sign * 4 * dx / height, -sign * 4 * dy / height));
+      act(() => pans ? camera.pan(dx / height, dy / height) : camera.turn(-sign * 3 * dx / height, -sign * 3 * dy / height));
     }
   });
   element.addEventListener('wheel', (event) => {

@@ -20,9 +20,17 @@ export function groupCameras(cameras) {
   });
   for (const group of groups) {
     group.members.sort((a, b) => cameras[a].time - cameras[b].time);
-    const name = String(cameras[group.members[0]].name);
-    group.label = group.members.length > 1 ? name.replace(/([/_ -]|images)*\d+(\.\w+)?$/, '') || name : name;
+    const names = group.members.map((index) => String(cameras[index].name)), [name] = names;
+    const same = names.every((one) => one === name);  // else they end with the number of the time step
+    group.label = same ? name : name.replace(/([/_ -]|images)*\d+(\.\w+)?$/, '') || name;
   }
+  // A camera that moves has one name for all its places.
+  for (const group of groups) {
+    const step = cameras[group.members[0]].step;
+    if (group.members.length === 1 && groups.filter((other) => other.label === group.label && other.split === group.split).length > 1)
+      group.longLabel = `${group.label} at ${step}`;
+  }
+  for (const group of groups) group.label = group.longLabel ?? group.label;
   return groups;
 }
 
@@ -64,11 +72,10 @@ export class TruthOverlay {
     this.handle.setAttribute('aria-valuenow', String(Math.round(100 * share)));
     this.tags[0].textContent = 'True image';
     this.tags[1].textContent = 'Model';
-    const right = kind === 'beside' ? frame : frame;
     this.tags[0].style.left = `${place.left + 8}px`;
     this.tags[0].style.top = this.tags[1].style.top = `${Math.max(frame.top, 0) + 8}px`;
-    this.tags[1].style.left = kind === 'beside' ? `${right.left + 8}px` : '';
-    this.tags[1].style.right = kind === 'beside' ? '' : `${this.stage.clientWidth - right.left - right.width + 8}px`;
+    this.tags[1].style.left = kind === 'beside' ? `${frame.left + 8}px` : '';
+    this.tags[1].style.right = kind === 'beside' ? '' : `${this.stage.clientWidth - frame.left - frame.width + 8}px`;
   }
 
   // Calls changed(share) while the handle is moved.

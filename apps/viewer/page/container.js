@@ -46,7 +46,12 @@ function readArray(name, entry, buffer, base) {
   const at = base + entry.offset;
   if (!(length >= 0 && Number.isInteger(length) && at >= base && at + length * size <= buffer.byteLength))
     throw new FileError(`The model is truncated or damaged: its array ${name} does not fit into the file.`);
-  const raw = at % size ? new Type(buffer.slice(at, at + length * size)) : new Type(buffer, at, length);
+  const raw = entry.planes ? fromPlanes(new Uint8Array(buffer, at, length * size), size, Type)
+    : at % size || entry.differences ? new Type(buffer.slice(at, at + length * size)) : new Type(buffer, at, length);
+  for (let d = 0; d < Math.min(entry.differences ?? 0, 2); ++d) {  // along the first axis, modulo 2^16
+    const row = length / (entry.shape[0] || 1);
+    for (let k = row; k < length; ++k) raw[k] += raw[k - row];
+  }
   if (Type === Float32Array) return raw;
   // scale and shift are numbers, or lists with one for each column.
   const width = entry.shape.at(-1) || 1, columns = (x) => Array.from({ length: width }, (_, k) => (Array.isArray(x) ? x[k] : x));
@@ -54,6 +59,13 @@ function readArray(name, entry, buffer, base) {
   for (let i = 0, k = 0; i < length; ++i, k = k + 1 === width ? 0 : k + 1)
     values[i] = (entry.type === 'float16' ? floatOfHalf(raw[i]) : raw[i]) * scale[k] + shift[k];
   return values;
+}
+
+// Byte 0 of all values, then byte 1 of all, ...
+function fromPlanes(bytes, size, Type) {
+  const values = new Uint8Array(bytes.length), n = bytes.length / size;
+  for (let b = 0; b < size; ++b) for (let i = 0; i < n; ++i) values[i * size + b] = bytes[b * n + i];
+  return new Type(values.buffer);
 }
 
 // A model from a container in an ArrayBuffer.
@@ -103,10 +115,7 @@ export function checkedModel(header, arrays) {
   if (rest) need('sh_rest', rest * n);
   if (motion === 'poses') completePoses(model, need);
   need('means', 3 * n);
-  const box = boxOf(arrays.means);
-  if (!Array.isArray(model.origin)) model.origin = box.centre;
-  if (!(model.extent > 0)) model.extent = box.size;
-  return model;
+  return Object.assign(model, boxOf(arrays.means));  // centre and size
 }
 
 // Poses may lack lifetimes and means that all time steps replace.

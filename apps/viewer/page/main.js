@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: loads runs, keeps the time, and draws when something has changed.
-import { attachCamera, FreeCamera, viewOfCamera } from './camera.js';
+import { attachCamera, dot3, FreeCamera, viewOfCamera } from './camera.js';
 import { drawCharts, fillList, trainingEntries } from './charts.js';
 import { groupCameras, memberAt, TruthOverlay } from './compare.js';
 import { motionOf } from './motion.js';
@@ -70,8 +70,8 @@ function backgroundColor() {
   return { scene: model?.background ?? [1, 1, 1], black: [0, 0, 0], grey: [0.5, 0.5, 0.5], white: [1, 1, 1] }[state.background];
 }
 function look() {
-  const { crop } = state, o = model?.origin ?? [0, 0, 0], e = (crop ?? 1) * (model?.extent ?? 1), result = sorter.result;
-  const longest = state.longestFlow ?? 0.02 * (framing?.view.height ?? 500);
+  const { crop } = state, o = model?.centre ?? [0, 0, 0], e = (crop ?? 1) * (model?.size ?? 1), result = sorter.result;
+  const longest = state.longestFlow ?? 0.04 * (framing?.view.height ?? 500);
   return {
     mode: state.mode, show: state.show, background: backgroundColor(), minOpacity: state.minOpacity, maxSize: state.maxSize,
     crop: crop === null ? null : { low: o.map((x) => x - e), high: o.map((x) => x + e) },
@@ -233,7 +233,11 @@ function changed(name) {
   if (name === 'fov') { takeCamera(); free.fov = state.fov * Math.PI / 180; cameraMoved(); }
   if (name === 'style') free.style = state.style;
   if (name && name !== 'time') showState();
-  if (name === 'compare' && state.compare !== 'off') state.playing = false;
+  if (name === 'compare' && state.compare !== 'off' && cameraIndex() >= 0) {  // true images are of whole time steps
+    state.playing = false;
+    setTime(frameOf(state.time) / Math.max(steps() - 1, 1));
+    showState();
+  }
   truthPsnr = null;
   clearTimeout(psnrTimer);
   if (state.compare !== 'off' && cameraIndex() >= 0) psnrTimer = setTimeout(measurePsnr, 500);
@@ -256,7 +260,7 @@ function takeCamera() {
   if (cameraIndex() < 0) return;
   const { view, h, index } = framing ?? frameView();
   free.takeView({ ...viewOfCamera(info.cameras[index], view.near), height: h / (view.fy / info.cameras[index].fy) });
-  free.distance = sorter.result?.count ? sorter.result.middle : model.extent;
+  free.distance = sorter.result?.count ? sorter.result.middle : model.size;
   state.camera = null;
   $('camera').value = '';
 }
@@ -284,8 +288,12 @@ function stepCamera(by) {
 }
 function resetCamera() {
   const first = info.cameras.findIndex((camera) => camera.split === 'test');
-  if (info.cameras.length) return setCamera(Math.max(first, 0));
-  free.look(model.origin, [0.35, -0.25 * free.up[1], 1], 3.2 * model.extent);
+  if (info.cameras.length) setCamera(Math.max(first, 0));
+  else lookFromOutside();
+}
+function lookFromOutside() {
+  const side = Math.abs(free.up[1]) > 0.9 ? [0.35, 0, 1] : [0.35, 1, 0];
+  free.look(model.centre, side.map((x, k) => x - 0.25 * free.up[k]), 3.2 * model.size);
   free.fov = 0.8;
   state.camera = null;
   cameraMoved();
@@ -340,7 +348,7 @@ function takeModel(next) {
   model = next;
   renderer.setModel(model);
   setSortedModel();
-  free.speed = 0.6 * model.extent;
+  free.speed = 0.6 * model.size;
   dirty = true;
 }
 // Up is that of the cameras on average: minus their y axes.
@@ -365,17 +373,19 @@ async function readTraining() {
 async function follow() {
   if (document.visibilityState === 'visible' && run?.live && info.live) {
     try {
-      const current = run, [nextInfo, nextModel] = [await current.info(), await current.model()];
+      const current = run, now = await current.state();
+      if (now.live === false) info = { ...info, ...(await current.info()) };  // the evaluation is there now
+      const next = now.model && now.model !== current.tag ? await current.model() : null;
       if (current === run) {
-        info = { ...info, ...nextInfo };
-        if (nextModel) takeModel(nextModel);
+        info = { ...info, iteration: now.iteration, live: now.live };
+        if (next) takeModel(next);
         $('live').hidden = !info.live;
         await readTraining();
         dirty = true;
       }
     } catch { /* the next try may succeed */ }
   }
-  setTimeout(follow, 3000);
+  setTimeout(follow, 2000);
 }
 
 async function openFiles(files) {
@@ -430,6 +440,11 @@ const commands = {
   stepBack: () => commands.step(-1),
   first: () => setTime(0),
   last: () => setTime(1),
+  up: () => {
+    const axes = [[0, -1, 0], [0, 0, 1], [0, 1, 0], [0, 0, -1]], at = axes.findIndex((a) => dot3(a, free.up) > 0.9);
+    free.up = axes[(at + 1) % axes.length];
+    lookFromOutside();
+  },
   previousCamera: () => stepCamera(-1),
   nextCamera: () => stepCamera(1),
   reset: () => resetCamera(),

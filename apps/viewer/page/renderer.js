@@ -199,9 +199,9 @@ export class Renderer {
     gl.uniform1f(places.near, view.near);
     gl.uniform1f(places.dilation, 0.3 * Math.max(1, view.filter ?? 1) ** 2);
     gl.uniform1f(places.pointRadius, look.pointRadius ?? 2);
-    gl.uniform1f(places.movesFrom, 1e-3 * model.extent);
+    gl.uniform1f(places.movesFrom, 3e-3 * model.size);
     gl.uniform2f(places.opacityRange, look.minOpacity ?? 0, 2);
-    gl.uniform2f(places.sizeRange, 0, look.maxSize ? look.maxSize * model.extent : 1e30);
+    gl.uniform2f(places.sizeRange, 0, look.maxSize ? look.maxSize * model.size : 1e30);
     gl.uniform3fv(places.cropLow, crop ? crop.low : [-1e30, -1e30, -1e30]);
     gl.uniform3fv(places.cropHigh, crop ? crop.high : [1e30, 1e30, 1e30]);
     gl.enable(gl.BLEND);

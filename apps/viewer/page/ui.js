@@ -83,7 +83,7 @@ export function attachControls(state, changed) {
       if (document.activeElement !== slider || value === null)
         slider.value = value === null ? slider.max : slider.dataset.scale === 'log' ? Math.log10(value) : value;
       const unit = slider.dataset.unit || '';
-      slider.nextElementSibling.value = value === null ? 'all' : `${value >= 100 ? Math.round(value) : +value.toPrecision(2)}${unit}`;
+      slider.nextElementSibling.value = value === null ? (slider.dataset.none ?? 'all') : `${value >= 100 ? Math.round(value) : +value.toPrecision(2)}${unit}`;
       setPart(slider);
     }
     for (const field of document.querySelectorAll('[data-for]')) field.hidden = field.dataset.for !== state.mode;
@@ -100,7 +100,7 @@ export function attachControls(state, changed) {
 export function attachKeys(commands) {
   const keys = {
     ' ': 'play', ArrowLeft: 'stepBack', ArrowRight: 'step', Home: 'first', End: 'last', '[': 'previousCamera', ']': 'nextCamera',
-    c: 'compare', p: 'save', l: 'link', h: 'panel', r: 'reset', '?': 'help', Escape: 'dismiss',
+    c: 'compare', p: 'save', l: 'link', h: 'panel', r: 'reset', u: 'up', '?': 'help', Escape: 'dismiss',
   };
   addEventListener('keydown', (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || $('keys').open) return;
