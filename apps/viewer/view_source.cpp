@@ -101,7 +101,19 @@ ViewSource::ViewSource(const std::string& run_or_file, int iteration, Undrawable
         path_));
 }
 
+ViewSource::ViewSource(const std::string& run, const TrainOptions& config,
+                       std::shared_ptr<LiveModel> live, ViewDevice& device)
+    : path_(run),
+      name_(name_of_path(run)),
+      iteration_(latest_iteration),
+      undrawable_(Undrawable::left_out),
+      device_(device),
+      run_(RunFolder(run)),
+      config_(config),
+      live_(std::move(live)) {}
+
 bool ViewSource::is_live() const {
+  if (live_) return live_->is_training();
   if (!run_ || run_->read_facts().finished) return false;
   const std::string holder = read_report_or_empty(run_->path(kRunLock));
   const long pid = std::strtol(holder.c_str(), nullptr, 10);
@@ -110,6 +122,12 @@ bool ViewSource::is_live() const {
 
 std::optional<ViewSource::Place> ViewSource::newest_place() const {
   Place place{path_, "", 0};
+  if (is_in_training()) {
+    place.iteration = live_->newest_step();
+    place.tag = fmt::format("training-{}", place.iteration);
+    return place;
+  }
+  if (live_ && live_->steps_done() == 0) return std::nullopt;  // a run that this one replaces
   if (run_) {
     std::vector<int> iterations = iterations_of(*run_);
     if (iteration_ != latest_iteration) iterations = {iteration_};
@@ -136,7 +154,14 @@ Json ViewSource::state() {
   return state;
 }
 
-HostModel ViewSource::read_model_at(const Place& place) {
+HostModel ViewSource::read_model_at(Place& place) {
+  if (is_in_training()) {
+    const auto reading = live_->newest();
+    if (!reading) throw NotYet(fmt::format("no training step of {} has ended yet", name_));
+    place.iteration = reading->step;
+    place.tag = fmt::format("training-{}", reading->step);
+    return reading->model;
+  }
   if (!run_) return read_model(path_, undrawable_);
   // A given iteration is read as such; the newest may be newer than `place` by now.
   RunState state = read_run_state(*run_, iteration_);
@@ -147,7 +172,7 @@ HostModel ViewSource::read_model_at(const Place& place) {
 
 ViewSource::Packed ViewSource::model(ViewPrecision precision) {
   const std::lock_guard<std::mutex> lock(model_mutex_);
-  const std::optional<Place> place = newest_place();
+  std::optional<Place> place = newest_place();
   if (!place)
     throw NotYet(
         fmt::format("{} has no model yet: training saves the first one after "
@@ -171,6 +196,7 @@ ViewSource::Packed ViewSource::model(ViewPrecision precision) {
 
 void ViewSource::load_scene_once() {
   if (scene_was_tried_) return;
+  if (live_ && live_->steps_done() == 0) return;  // it may be unpacking a video
   scene_was_tried_ = true;
   if (!run_) return;
   if (!fs::exists(config_.scene.path)) {

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/viewer/live_model.hpp"
 #include "apps/viewer/view_model.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/runs/run_state.hpp"
@@ -45,6 +46,10 @@ class ViewSource {
   ViewSource(const std::string& run_or_file, int iteration, Undrawable undrawable,
              ViewDevice& device);
 
+  // A training of this process into a run folder that may not exist yet.
+  ViewSource(const std::string& run, const TrainOptions& config, std::shared_ptr<LiveModel> live,
+             ViewDevice& device);
+
   const std::string& name() const { return name_; }
   bool is_run() const { return run_.has_value(); }
   // Whether a process trains the run now.
@@ -76,7 +81,8 @@ class ViewSource {
   struct Place;
   struct View;
   std::optional<Place> newest_place() const;
-  HostModel read_model_at(const Place& place);
+  HostModel read_model_at(Place& place);  // sets the place to that of what was read
+  bool is_in_training() const { return live_ && live_->is_training(); }
   void load_scene_once();
   std::vector<View> views();
   ViewFacts facts(const HostModel& model);
@@ -88,6 +94,7 @@ class ViewSource {
   ViewDevice& device_;
   std::optional<RunFolder> run_;
   TrainOptions config_;
+  std::shared_ptr<LiveModel> live_;  // a training of this process, or null
 
   std::mutex model_mutex_;
   std::string tag_;                            // of packed_

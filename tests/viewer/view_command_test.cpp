@@ -44,6 +44,41 @@ TEST_F(ViewCommand, ShowsARunUntilItIsInterrupted) {
   EXPECT_EQ(outcome.err, "gflow: the viewer was stopped\n");
 }
 
+// A training that is watched has the same bits as one that is not.
+TEST_F(ViewCommand, ShowsATrainingWithoutAnEffectOnIt) {
+  const TemporaryFolder folder;
+  const std::string watched = folder.path() + "/watched", alone = folder.path() + "/alone";
+  const auto train = [&](const std::string& to) {
+    return std::vector<std::string>{"train",        scene().path(), "-o",     to,
+                                    "--iterations", "60",           "--quiet"};
+  };
+  std::vector<std::string> arguments = train(watched);
+  for (const char* more : {"--view", "--port", "0"}) arguments.push_back(more);
+  const Command command(arguments);
+  ASSERT_TRUE(wait_until([&] { return command.printed().find("/\n") != std::string::npos; }));
+  const int port = port_of(command.printed().substr(0, command.printed().find("/\n")));
+  int models = 0;
+  bool live = false;
+  const auto is_over = [&] {
+    const Answer state = get(port, "/api/run/0/state");
+    if (state.status == 0) return true;
+    live |= bool(nlohmann::json::parse(state.body)["live"]);
+    const Answer model = get(port, "/api/run/0/model");
+    models += model.status == 200;
+    if (model.status != 200) EXPECT_TRUE(model.status == 503 || model.status == 0) << model.body;
+    return false;
+  };
+  EXPECT_TRUE(wait_until(is_over));
+  EXPECT_TRUE(live);
+  EXPECT_GT(models, 0);
+  const Outcome outcome = command.wait();
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.err, "");
+  ASSERT_EQ(gflow(train(alone)).code, 0);
+  const std::string model = "/point_cloud/iteration_60/point_cloud.ply";
+  EXPECT_TRUE(contents(watched + model) == contents(alone + model));
+}
+
 TEST_F(ViewCommand, RefusesWhatItCannotShow) {
   const TemporaryFolder folder;
   folder.write("text.txt", "no splats");
