@@ -62,9 +62,28 @@ async function sortedFor(view, time) {
 // ---- what is drawn
 const steps = () => Math.max(info.steps || model?.steps || 1, 1);
 const modelTime = (time = state.time) => time * (model?.duration ?? 1);
-const frameOf = (time) => Math.round(time * (steps() - 1));
+const timeOf = (frame) => {
+  const at = Math.min(Math.max(frame, 0), steps() - 1);
+  return info.times?.length === steps() ? info.times[at] : at / Math.max(steps() - 1, 1);
+};
+// The time step at a time, with a fraction between two.
+function stepAt(time) {
+  const last = steps() - 1, { times } = info;
+  if (times?.length !== last + 1 || last < 1) return time * last;
+  let k = 0;
+  while (k < last - 1 && times[k + 1] <= time) ++k;
+  return Math.min(Math.max(k + (time - times[k]) / (times[k + 1] - times[k] || 1), 0), last);
+}
+const frameOf = (time) => Math.round(stepAt(time));
 const cameraIndex = () => (state.camera === null || !info.cameras.length ? -1 : Math.min(Math.max(+state.camera || 0, 0), info.cameras.length - 1));
 const groupOf = (index) => groups.find((group) => group.members.includes(index));
+
+// The places of a camera that moves: their names differ in the last number, and each has its own time.
+function pathOf(index) {
+  const stem = (camera) => `${camera.split} ${String(camera.name).replace(/\d+(\.\w+)?$/, '')}`, own = stem(info.cameras[index]);
+  const members = info.cameras.flatMap((camera, k) => (stem(camera) === own ? [k] : []));
+  return { members: new Set(members.map((k) => info.cameras[k].time)).size === members.length ? members : [index] };
+}
 
 function backgroundColor() {
   return { scene: model?.background ?? [1, 1, 1], black: [0, 0, 0], grey: [0.5, 0.5, 0.5], white: [1, 1, 1] }[state.background];
@@ -76,8 +95,14 @@ function look() {
     mode: state.mode, show: state.show, background: backgroundColor(), minOpacity: state.minOpacity, maxSize: state.maxSize,
     crop: crop === null ? null : { low: o.map((x) => x - e), high: o.map((x) => x + e) },
     depthRange: result?.count ? [result.near, result.far] : [0, 1], longestFlow: longest * (state.longestFlow ? framing?.pixels ?? 1 : 1),
-    pointRadius: 1.6 * (framing?.ratio ?? 1), nextTime: Math.min(modelTime() + modelTime(1) / Math.max(steps() - 1, 1), modelTime(1)),
+    pointRadius: 1.6 * (framing?.ratio ?? 1), nextTime: nextTimeOf(state.time),
   };
+}
+
+// One time step later, in model time: where flow leads.
+function nextTimeOf(time) {
+  const at = stepAt(time), whole = Math.floor(at + 1e-4), step = whole + 1 < steps() ? timeOf(whole + 1) - timeOf(whole) : timeOf(whole) - timeOf(whole - 1);
+  return Math.min(modelTime(time + step), modelTime(1));
 }
 
 // The view and its place on the canvas, whose size is that of the stage times the ratio.
@@ -113,7 +138,8 @@ function draw(now) {
   wantSort(view, modelTime());
   renderer.draw(view, modelTime(), look(), left, top, [15 / 255, 17 / 255, 21 / 255]);
   const camera = info.cameras[index], address = camera && camera.image !== false ? run.imageAddress(index) : '';
-  truth.show(state.compare, address, framing.frame, framing.second ?? framing.frame, state.wipe);
+  const taken = camera && Math.abs(stepAt(camera.time) - stepAt(state.time)) > 0.5 ? ` at step ${frameOf(camera.time)}` : '';
+  truth.show(state.compare, address, framing.frame, framing.second ?? framing.frame, state.wipe, `True image${taken}`);
   const gain = $('gain');
   gain.hidden = !(address && state.compare === 'difference');
   for (const side of ['left', 'top', 'width', 'height']) gain.style[side] = `${framing.frame[side]}px`;
@@ -178,8 +204,13 @@ function setTime(time) {
   if (index >= 0) {
     const group = groupOf(index);
     if (group?.members.length > 1) state.camera = String(memberAt(group, info.cameras, state.time));
+    else if (group && state.follow) {
+      const path = pathOf(index);
+      state.camera = String(memberAt(path, info.cameras, state.time));
+      $('camera').value = state.camera;
+    }
   }
-  const fps = info.fps || model?.fps, last = steps() - 1, frame = state.time * last;
+  const fps = info.fps || model?.fps, last = steps() - 1, frame = stepAt(state.time);
   $('clock').innerHTML = '<b></b> <span></span>';
   $('clock').firstChild.textContent = `${Number.isInteger(+frame.toFixed(3)) ? Math.round(frame) : frame.toFixed(1)} / ${last}`;
   $('clock').lastChild.textContent = fps ? `${(frame / fps).toFixed(2)} s` : '';
@@ -201,6 +232,7 @@ function showNumbers(now) {
   if (shown) drawLegend(legend);
   $('summary').textContent = [model.count.toLocaleString('en') + ' Gaussians', info.motion || model.model || model.motion,
     info.iteration ? `step ${info.iteration.toLocaleString('en')}` : ''].filter(Boolean).join(' · ');
+  $('follow').hidden = !(framing.index >= 0 && groupOf(framing.index)?.members.length === 1 && pathOf(framing.index).members.length > 1);
   $('compare-note').textContent = info.cameras.length ? (framing.index < 0 ? 'Choose a camera of the scene to compare.' : '') : 'Files have no true images.';
 }
 
@@ -235,7 +267,7 @@ function changed(name) {
   if (name && name !== 'time') showState();
   if (name === 'compare' && state.compare !== 'off' && cameraIndex() >= 0) {  // true images are of whole time steps
     state.playing = false;
-    setTime(frameOf(state.time) / Math.max(steps() - 1, 1));
+    setTime(timeOf(frameOf(state.time)));
     showState();
   }
   truthPsnr = null;
@@ -416,8 +448,7 @@ export async function capture({ camera = cameraIndex(), time = state.time, width
   const wide = width ?? canvas.width, high = height ?? canvas.height;
   const view = camera >= 0 ? viewOfCamera(info.cameras[camera], model.near) : free.view(wide, high, model.near);
   await sortedFor(view, modelTime(time));
-  const { duration } = model, nextTime = Math.min(modelTime(time) + duration / Math.max(steps() - 1, 1), duration);
-  const options = { ...look(), mode, nextTime, ...more };
+  const options = { ...look(), mode, nextTime: nextTimeOf(time), ...more };
   const pixels = sums ? renderer.captureSums(view, modelTime(time), options) : renderer.capture(view, modelTime(time), options, precise);
   dirty = true;
   return { width: view.width, height: view.height, pixels };
@@ -436,7 +467,7 @@ async function savePicture() {
 
 const commands = {
   play: () => { if (!state.playing && !state.loop && state.time >= 1) setTime(0); state.playing = !state.playing; changed('playing'); },
-  step: (by = 1) => { state.playing = false; setTime((frameOf(state.time) + by) / Math.max(steps() - 1, 1)); showState(); },
+  step: (by = 1) => { state.playing = false; setTime(timeOf(by > 0 ? Math.floor(stepAt(state.time) + 1e-4) + 1 : Math.ceil(stepAt(state.time) - 1e-4) - 1)); showState(); },
   stepBack: () => commands.step(-1),
   first: () => setTime(0),
   last: () => setTime(1),
@@ -475,6 +506,7 @@ function attach() {
   const click = (id, act) => $(id).addEventListener('click', () => act());
   for (const [id, act] of [['play', 'play'], ['step', 'step'], ['step-back', 'stepBack'], ['save', 'save'], ['link', 'link'], ['help', 'help'], ['toggle', 'panel'],
     ['previous', 'previousCamera'], ['following', 'nextCamera']]) click(id, commands[act]);
+  click('follow', () => { state.follow = !state.follow; changed('follow'); setTime(state.time); });
   click('loop', () => { state.loop = !state.loop; changed('loop'); });
   click('open', () => $('file').click());
   $('file').addEventListener('change', () => openFiles($('file').files));
