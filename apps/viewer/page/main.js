@@ -8,11 +8,13 @@ import { Renderer } from './renderer.js';
 import { wheelColors } from './shaders.js';
 import { findRuns, LocalRun, makeSorter } from './source.js';
 import { readSplatFiles } from './splat_files.js';
+import { drawTrails, findTrails } from './trails.js';
 import { addressOf, attachControls, attachKeys, firstState, say, setBusy, setPart, stateOfAddress } from './ui.js';
 
 const $ = (id) => document.getElementById(id);
 const state = stateOfAddress(), canvas = $('canvas'), stage = $('stage'), free = new FreeCamera();
 const truth = new TruthOverlay(stage);
+let trails = null;
 let renderer, runs = [], run = null, info = { cameras: [] }, model = null, groups = [], showState = () => {}, moveHeld = () => false;
 let dirty = true, lastFrame = 0, movedAt = -1e9, share = 1, frameTimes = [], addressTimer = 0, framing = null, psnrTimer = 0;
 
@@ -33,7 +35,8 @@ function setSortedModel() {
     if (sorter.wanted) sendSort();
   };
   sorter.worker.onerror = (event) => fail(new Error(`The sorter failed: ${event.message}`));
-  sorter.worker.postMessage({ motion: motionOf(model) });
+  model.sorted = motionOf(model);
+  sorter.worker.postMessage({ motion: model.sorted });
 }
 function sendSort() {
   const { wanted } = sorter, buffer = sorter.buffer;
@@ -143,6 +146,13 @@ function draw(now) {
   const gain = $('gain');
   gain.hidden = !(address && state.compare === 'difference');
   for (const side of ['left', 'top', 'width', 'height']) gain.style[side] = `${framing.frame[side]}px`;
+  const over = $('trails');
+  over.hidden = !state.trails;
+  if (state.trails) {
+    if (over.width !== w || over.height !== h) { over.width = w; over.height = h; }
+    trails ??= findTrails(model, Array.from({ length: steps() }, (_, k) => k / Math.max(steps() - 1, 1)));
+    drawTrails(over, trails, view, modelTime(), left, top);
+  }
   if (now - lastShown > 200 || !state.playing) showNumbers(now);
 }
 
@@ -381,6 +391,7 @@ function takeModel(next) {
   renderer.setModel(model);
   setSortedModel();
   free.speed = 0.6 * model.size;
+  trails = null;
   dirty = true;
 }
 // Up is that of the cameras on average: minus their y axes.
@@ -507,6 +518,7 @@ function attach() {
   for (const [id, act] of [['play', 'play'], ['step', 'step'], ['step-back', 'stepBack'], ['save', 'save'], ['link', 'link'], ['help', 'help'], ['toggle', 'panel'],
     ['previous', 'previousCamera'], ['following', 'nextCamera']]) click(id, commands[act]);
   click('follow', () => { state.follow = !state.follow; changed('follow'); setTime(state.time); });
+  click('trail', () => { state.trails = !state.trails; changed('trails'); });
   click('loop', () => { state.loop = !state.loop; changed('loop'); });
   click('open', () => $('file').click());
   $('file').addEventListener('change', () => openFiles($('file').files));
