@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws a model with WebGL2: parameters in float textures, poses in the vertex shader, one rectangle per
-// Gaussian, farthest first, blended into floats. All of it can be made again after a lost context.
+// Draws a model with WebGL2: parameters in float textures; a first pass poses and projects every visible
+// Gaussian once (transform feedback); a second draws one rectangle for each, farthest first, blended into
+// floats. All of it can be made again after a lost context.
 import { keyWeights, packKey, packRows, texelsPerKey, texelsPerRow, windowSigmas } from './motion.js';
 import { fragmentShader, keyLayers, modeNumbers, screenFragmentShader, screenVertexShader } from './shaders.js';
+import { noFragments, poseShader, posedOutputs, posedWidths } from './shaders.js';
 import { shTexels, textureWidth, vertexShader, wheelColors } from './shaders.js';
 
 export class Renderer {
@@ -30,15 +32,16 @@ export class Renderer {
     gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
-    gl.vertexAttribDivisor(0, 1);
     gl.bindVertexArray(null);
+    this.posed = gl.createBuffer();
+    this.feedback = gl.createTransformFeedback();
     this.nothing = gl.createVertexArray();
     this.count = 0;
     this.screen = this.link(screenVertexShader, screenFragmentShader);
     if (this.model) this.setModel(this.model);
   }
 
-  link(vertex, fragment) {
+  link(vertex, fragment, names, outputs) {
     const { gl } = this, program = gl.createProgram();
     for (const [type, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
       const shader = gl.createShader(type);
@@ -48,7 +51,8 @@ export class Renderer {
       if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
         throw new Error(`The graphics driver rejects a shader: ${gl.getShaderInfoLog(shader)}`);
     }
-    gl.bindAttribLocation(program, 0, 'row');
+    names?.forEach((name, k) => gl.bindAttribLocation(program, k, name));
+    if (outputs) gl.transformFeedbackVaryings(program, outputs, gl.INTERLEAVED_ATTRIBS);
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
       throw new Error(`The graphics driver rejects a program: ${gl.getProgramInfoLog(program)}`);
@@ -66,8 +70,23 @@ export class Renderer {
   }
 
   programOf(mode) {
-    if (!this.programs.has(mode))
-      this.programs.set(mode, this.link(vertexShader(this.model, mode), fragmentShader(this.model, mode)));
+    if (!this.programs.has(mode)) {
+      const { gl, model } = this, outputs = posedOutputs(mode), stride = 4 * outputs.reduce((sum, name) => sum + posedWidths[name], 0);
+      const pose = this.link(poseShader(model, mode), noFragments, ['row'], outputs);
+      const draw = this.link(vertexShader(model, mode), fragmentShader(model, mode), outputs.map((name) => `${name}In`));
+      const vertices = gl.createVertexArray();
+      gl.bindVertexArray(vertices);
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.posed);
+      let at = 0;
+      outputs.forEach((name, k) => {
+        gl.enableVertexAttribArray(k);
+        gl.vertexAttribPointer(k, posedWidths[name], gl.FLOAT, false, stride, at);
+        gl.vertexAttribDivisor(k, 1);
+        at += 4 * posedWidths[name];
+      });
+      gl.bindVertexArray(null);
+      this.programs.set(mode, { pose, draw, vertices, stride });
+    }
     return this.programs.get(mode);
   }
 
@@ -87,10 +106,14 @@ export class Renderer {
   setModel(model) {
     const { gl } = this;
     for (const texture of [this.rows, this.sh, this.keys]) if (texture && this.model) gl.deleteTexture(texture);
-    for (const { program } of this.programs.values()) gl.deleteProgram(program);
+    for (const { pose, draw, vertices } of this.programs.values()) {
+      gl.deleteProgram(pose.program);
+      gl.deleteProgram(draw.program);
+      gl.deleteVertexArray(vertices);
+    }
     this.programs.clear();
     this.model = model;
-    this.count = 0;
+    this.count = this.posedSize = 0;
     this.rows = this.texture(model.count, texelsPerRow(model), (length) => {
       const values = new Float32Array(length), texels = texelsPerRow(model);
       packRows(model, values, (i) => i * texels);
@@ -167,7 +190,7 @@ export class Renderer {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     if (!model || !this.count) return target;
-    const { program, places } = this.programOf(look.mode), step = model.duration / Math.max(model.steps - 1, 1);
+    const { pose, draw, vertices, stride } = this.programOf(look.mode), { program, places } = pose, step = model.duration / Math.max(model.steps - 1, 1);
     const later = look.nextTime ?? time + step;
     gl.useProgram(program);
     const bind = (unit, kind, texture, name) => {
@@ -204,9 +227,28 @@ export class Renderer {
     gl.uniform2f(places.sizeRange, 0, look.maxSize ? look.maxSize * model.size : 1e30);
     gl.uniform3fv(places.cropLow, crop ? crop.low : [-1e30, -1e30, -1e30]);
     gl.uniform3fv(places.cropHigh, crop ? crop.high : [1e30, 1e30, 1e30]);
+    if (this.posedSize < this.count * stride) {
+      this.posedSize = model.count * stride;
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.posed);
+      gl.bufferData(gl.ARRAY_BUFFER, this.posedSize, gl.DYNAMIC_COPY);
+    }
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);  // it must not be bound twice while it is written
+    gl.bindVertexArray(this.vertices);
+    gl.enable(gl.RASTERIZER_DISCARD);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.posed);
+    gl.beginTransformFeedback(gl.POINTS);
+    gl.drawArrays(gl.POINTS, 0, this.count);
+    gl.endTransformFeedback();
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.disable(gl.RASTERIZER_DISCARD);
+
+    gl.useProgram(draw.program);
+    gl.uniform2f(draw.places.size, view.width, view.height);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.bindVertexArray(this.vertices);
+    gl.bindVertexArray(vertices);
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
     gl.bindVertexArray(null);
     gl.disable(gl.BLEND);

@@ -46,7 +46,15 @@ function shSum(degree) {
 }
 export function shTexels(degree) { return Math.ceil(3 * (degree + 1) ** 2 / 4); }
 
-export function vertexShader(model, mode) {
+// What the pass that poses Gaussians writes, and the pass that draws them reads, per Gaussian: mean k1 k2 |
+// k3, log2 opacity, axis of the ellipse | value, half length | half width | flow's H.
+export function posedOutputs(mode) {
+  return mode === 'flow' ? ['splat', 'splat2', 'value', 'halfWidth', 'transportH'] : ['splat', 'splat2', 'value', 'halfWidth'];
+}
+export const posedWidths = { splat: 4, splat2: 4, value: 4, halfWidth: 1, transportH: 4 };
+
+// Poses and projects one Gaussian per vertex.
+export function poseShader(model, mode) {
   return `${common}${definesOf(model, mode)}
 in uint row;
 uniform sampler2D rowTexture, shTexture;
@@ -64,9 +72,8 @@ uniform float near, dilation, pointRadius, movesFrom;
 uniform vec2 opacityRange;      // Gaussians of other opacities are left out
 uniform vec2 sizeRange;         // the same for the longest axis
 uniform vec3 cropLow, cropHigh;
-flat out vec4 splat;            // mean, k1, k2
-flat out vec2 splat2;           // k3, log2 opacity
-flat out vec4 value, transportH;
+out vec4 splat, splat2, value, transportH;  // posedOutputs(); not drawn where value.w is 0
+out float halfWidth;
 
 vec4 rowTexel(int i, int k) {
   int at = i * ROW_TEXELS + k;
@@ -219,9 +226,9 @@ vec3 colorOf(int i, vec3 mean) {
 }
 
 void main() {
-  gl_Position = vec4(2, 2, 2, 1);  // outside: not drawn
-  splat = value = transportH = vec4(0);
-  splat2 = vec2(0);
+  gl_Position = vec4(0);
+  splat = splat2 = value = transportH = vec4(0);
+  halfWidth = 0.;
   int i = int(row);
   Pose pose = poseAt(i, 0);
   float log2Opacity = log2(pose.opacity);
@@ -276,7 +283,6 @@ void main() {
                   smoothstep(.5 * movesFrom, 1.5 * movesFrom, speed));
 #endif
   splat = vec4(o.mean, vec2(k1, k2) * SQRT_HALF_LOG2_E);
-  splat2 = vec2(k3 * SQRT_HALF_LOG2_E, log2Opacity);
 
   // A rectangle along the axes of the ellipse alpha >= 1/255, with a margin for rounding.
   float reach = (log2Opacity - ALPHA_MIN_LOG2 + 1e-3) / HALF_LOG2_E;
@@ -285,15 +291,40 @@ void main() {
 #endif
   float middle = .5 * (a + c), radius = length(vec2(.5 * (a - c), b));
   vec2 axis = abs(b) > 1e-6 * middle ? normalize(vec2(b, middle + radius - a)) : a >= c ? vec2(1, 0) : vec2(0, 1);
-  vec2 half_ = sqrt(reach * vec2(middle + radius, max(middle - radius, dilation))) + .02;
+  vec2 lengths = sqrt(reach * vec2(middle + radius, max(middle - radius, dilation))) + .02;
 #if MODE == 6
   axis = vec2(1, 0);
-  half_ = vec2(pointRadius);
-  splat2.x = pointRadius;
+  lengths = vec2(pointRadius);
 #endif
-  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1.;
-  vec2 at = o.mean + corner.x * half_.x * axis + corner.y * half_.y * vec2(-axis.y, axis.x);
-  gl_Position = vec4(at.x / size.x * 2. - 1., 1. - at.y / size.y * 2., 0, 1);
+  splat2 = vec4(k3 * SQRT_HALF_LOG2_E, log2Opacity, axis);
+  value.w = lengths.x;
+  halfWidth = lengths.y;
+}`;
+}
+export const noFragments = `#version 300 es
+void main() {}`;
+
+// Places the corners of one Gaussian's rectangle.
+export function vertexShader(model, mode) {
+  return `${common}${definesOf(model, mode)}
+in vec4 splatIn, splat2In, valueIn, transportHIn;
+in float halfWidthIn;
+uniform vec2 size;              // [px]
+flat out vec4 splat, value, transportH;
+flat out vec2 splat2;
+void main() {
+  splat = splatIn;
+  splat2 = splat2In.xy;
+  value = valueIn;
+#if MODE == 3
+  transportH = transportHIn;
+#endif
+#if MODE == 6
+  splat2.x = halfWidthIn;
+#endif
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1., axis = splat2In.zw;
+  vec2 at = splat.xy + corner.x * value.w * axis + corner.y * halfWidthIn * vec2(-axis.y, axis.x);
+  gl_Position = value.w > 0. ? vec4(at.x / size.x * 2. - 1., 1. - at.y / size.y * 2., 0, 1) : vec4(2, 2, 2, 1);
 }`;
 }
 
