@@ -46,12 +46,11 @@ function shSum(degree) {
 }
 export function shTexels(degree) { return Math.ceil(3 * (degree + 1) ** 2 / 4); }
 
-// What the pass that poses Gaussians writes, and the pass that draws them reads, per Gaussian: mean k1 k2 |
-// k3, log2 opacity, axis of the ellipse | value, half length | half width | flow's H.
+// What the pass that poses Gaussians writes for each, and the pass that draws them reads, a texel each:
+// mean, k1, k2 | k3, log2 opacity, half axis of the ellipse | value, half width | flow's H.
 export function posedOutputs(mode) {
-  return mode === 'flow' ? ['splat', 'splat2', 'value', 'halfWidth', 'transportH'] : ['splat', 'splat2', 'value', 'halfWidth'];
+  return mode === 'flow' ? ['splat', 'splat2', 'value', 'transportH'] : ['splat', 'splat2', 'value'];
 }
-export const posedWidths = { splat: 4, splat2: 4, value: 4, halfWidth: 1, transportH: 4 };
 
 // Poses and projects one Gaussian per vertex.
 export function poseShader(model, mode) {
@@ -73,7 +72,6 @@ uniform vec2 opacityRange;      // Gaussians of other opacities are left out
 uniform vec2 sizeRange;         // the same for the longest axis
 uniform vec3 cropLow, cropHigh;
 out vec4 splat, splat2, value, transportH;  // posedOutputs(); not drawn where value.w is 0
-out float halfWidth;
 
 vec4 rowTexel(int i, int k) {
   int at = i * ROW_TEXELS + k;
@@ -228,7 +226,6 @@ vec3 colorOf(int i, vec3 mean) {
 void main() {
   gl_Position = vec4(0);
   splat = splat2 = value = transportH = vec4(0);
-  halfWidth = 0.;
   int i = int(row);
   Pose pose = poseAt(i, 0);
   float log2Opacity = log2(pose.opacity);
@@ -296,9 +293,8 @@ void main() {
   axis = vec2(1, 0);
   lengths = vec2(pointRadius);
 #endif
-  splat2 = vec4(k3 * SQRT_HALF_LOG2_E, log2Opacity, axis);
-  value.w = lengths.x;
-  halfWidth = lengths.y;
+  splat2 = vec4(k3 * SQRT_HALF_LOG2_E, log2Opacity, axis * lengths.x);
+  value.w = lengths.y;
 }`;
 }
 export const noFragments = `#version 300 es
@@ -307,23 +303,27 @@ void main() {}`;
 // Places the corners of one Gaussian's rectangle.
 export function vertexShader(model, mode) {
   return `${common}${definesOf(model, mode)}
-in vec4 splatIn, splat2In, valueIn, transportHIn;
-in float halfWidthIn;
+uniform sampler2D posedTexture;
 uniform vec2 size;              // [px]
 flat out vec4 splat, value, transportH;
 flat out vec2 splat2;
+vec4 posedTexel(int k) {
+  int at = (gl_VertexID >> 2) * (MODE == 3 ? 4 : 3) + k;
+  return texelFetch(posedTexture, ivec2(at & ((1 << WIDTH_BITS) - 1), at >> WIDTH_BITS), 0);
+}
 void main() {
-  splat = splatIn;
-  splat2 = splat2In.xy;
-  value = valueIn;
+  splat = posedTexel(0);
+  vec4 more = posedTexel(1);
+  value = posedTexel(2);
+  splat2 = more.xy;
 #if MODE == 3
-  transportH = transportHIn;
+  transportH = posedTexel(3);
 #endif
 #if MODE == 6
-  splat2.x = halfWidthIn;
+  splat2.x = value.w;
 #endif
-  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1., axis = splat2In.zw;
-  vec2 at = splat.xy + corner.x * value.w * axis + corner.y * halfWidthIn * vec2(-axis.y, axis.x);
+  vec2 corner = vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) * 2. - 1., axis = more.zw;
+  vec2 at = splat.xy + corner.x * axis + corner.y * value.w * normalize(vec2(-axis.y, axis.x));
   gl_Position = value.w > 0. ? vec4(at.x / size.x * 2. - 1., 1. - at.y / size.y * 2., 0, 1) : vec4(2, 2, 2, 1);
 }`;
 }
