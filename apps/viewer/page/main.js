@@ -357,8 +357,9 @@ function fillCameras() {
 }
 
 // ---- runs
+let awaited = null;  // a training that has no model yet
 async function openRun(next) {
-  setBusy('Loading the model …');
+  if (next !== awaited) setBusy('Loading the model …');
   try {
     const nextInfo = await next.info(), nextModel = await next.model();
     if (run && run !== next && next.given === undefined) next.tag = null;
@@ -380,8 +381,11 @@ async function openRun(next) {
     setTime(state.time);
     showState();
     say('');
+    awaited = null;
   } catch (error) {
-    fail(error);
+    awaited = error.comesLater ? next : null;
+    if (awaited) say(`${error.message} …`);
+    else fail(error);
   }
   setBusy('');
 }
@@ -414,7 +418,8 @@ async function readTraining() {
 
 // While a training runs and somebody looks: its newest model and curves.
 async function follow() {
-  if (document.visibilityState === 'visible' && run?.live && info.live) {
+  if (document.visibilityState === 'visible' && awaited) await openRun(awaited);
+  else if (document.visibilityState === 'visible' && run && info.live) {
     try {
       const current = run, now = await current.state();
       if (now.live === false) info = { ...info, ...(await current.info()) };  // the evaluation is there now
@@ -439,6 +444,7 @@ async function openFiles(files) {
     const local = new LocalRun(read.name, read.model);
     runs.push(local);
     $('run').append(new Option(local.name, local.id));
+    document.querySelector('.run').hidden = false;
     Object.assign(state, { camera: null, free: null, compare: 'off' });
     await openRun(local);
     if (read.note) say(read.note, 8);
@@ -565,6 +571,7 @@ async function start() {
   try {
     runs = await findRuns();
     for (const one of runs) $('run').append(new Option(one.name, String(one.id)));
+    document.querySelector('.run').hidden = !runs.length;
     if (runs.length) await openRun(runs.find((one) => String(one.id) === state.run) ?? runs[0]);
     else say('Drop a splat file to see it.');
   } catch (error) {
