@@ -36,7 +36,7 @@ const text = (page, id) => page.run(`document.getElementById('${id}').hidden ? '
 // Bytes of a picture, as the page draws it at the size of the camera.
 async function picture(page, options) {
   const { width, height, pixels } = await page.run(`gflow.capture(${JSON.stringify(options)}).then((c) => ({ width: c.width, height: c.height,
-    pixels: Array.from(c.pixels, (x) => String.fromCharCode(x)).join('') }))`);
+    pixels: Array.from({ length: Math.ceil(c.pixels.length / 8192) }, (_, k) => String.fromCharCode(...c.pixels.subarray(8192 * k, 8192 * (k + 1)))).join('') }))`);
   return { width, height, pixels: Buffer.from(pixels, 'latin1') };
 }
 async function runNamed(page, name) {
@@ -147,7 +147,8 @@ for (const n of [0, 1, 100000, 300000])
     const loaded = Date.now() - start, { pixels } = await picture(page, { width: 640, height: 360 });
     const drawn = pixels.some((x, i) => i % 4 < 3 && x < 250);
     expect(drawn === n > 0, n ? 'nothing is drawn' : 'something is drawn');
-    const sort = await page.run('gflow.sorter.result.milliseconds');
+    const sort = await page.run(`(async () => { const all = []; for (let i = 1; i <= 7; ++i) { await gflow.capture({ width: 64, height: 64, time: i / 10 });
+      all.push(gflow.sorter.result.milliseconds); } return all.sort((a, b) => a - b)[3]; })()`);
     const frame = await page.run(`(async () => { await gflow.capture({ width: 640, height: 360, precise: false }); const start = performance.now();
       for (let i = 0; i < 3; ++i) await gflow.capture({ width: 640, height: 360, precise: false }); return (performance.now() - start) / 3; })()`);
     expect(await text(page, 'message') === '', await text(page, 'message'));
@@ -158,7 +159,7 @@ for (const n of [0, 1, 100000, 300000])
 
 for (const name of readdirSync(folder).filter((one) => one.startsWith('file.')))
   await test(`a dropped ${name}`, async () => {
-    const page = await opened(), before = await page.run('gflow.model.count');
+    const page = await opened();
     await page.run('gflow.model.isOld = true');
     await page.drop(join(folder, name));
     await page.until('!gflow.model.isOld && gflow.sorter.result');
@@ -171,7 +172,7 @@ for (const name of readdirSync(folder).filter((one) => one.startsWith('file.')))
     const message = await text(page, 'message');
     expect(/truncated|damaged/.test(message), `of a damaged file it says "${message}"`);
     await page.close();
-    return `${await Promise.resolve(before)} Gaussians before; damaged: "${message}"`;
+    return `then damaged: "${message}"`;
   });
 
 await test('WebGL lost and restored', async () => {

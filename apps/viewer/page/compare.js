@@ -52,7 +52,7 @@ export class TruthOverlay {
     this.address = '';
   }
 
-  show(kind, address, frame, second, share) {
+  show(kind, address, frame, second, share, title) {
     const shown = kind !== 'off' && !!address;
     this.image.hidden = !shown;
     this.handle.hidden = !shown || kind !== 'wipe';
@@ -70,7 +70,7 @@ export class TruthOverlay {
     this.handle.style.top = `${frame.top}px`;
     this.handle.style.height = `${frame.height}px`;
     this.handle.setAttribute('aria-valuenow', String(Math.round(100 * share)));
-    this.tags[0].textContent = 'True image';
+    this.tags[0].textContent = title;
     this.tags[1].textContent = 'Model';
     this.tags[0].style.left = `${place.left + 8}px`;
     this.tags[0].style.top = this.tags[1].style.top = `${Math.max(frame.top, 0) + 8}px`;

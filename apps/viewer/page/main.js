@@ -8,11 +8,13 @@ import { Renderer } from './renderer.js';
 import { wheelColors } from './shaders.js';
 import { findRuns, LocalRun, makeSorter } from './source.js';
 import { readSplatFiles } from './splat_files.js';
+import { drawTrails, findTrails } from './trails.js';
 import { addressOf, attachControls, attachKeys, firstState, say, setBusy, setPart, stateOfAddress } from './ui.js';
 
 const $ = (id) => document.getElementById(id);
 const state = stateOfAddress(), canvas = $('canvas'), stage = $('stage'), free = new FreeCamera();
 const truth = new TruthOverlay(stage);
+let trails = null;
 let renderer, runs = [], run = null, info = { cameras: [] }, model = null, groups = [], showState = () => {}, moveHeld = () => false;
 let dirty = true, lastFrame = 0, movedAt = -1e9, share = 1, frameTimes = [], addressTimer = 0, framing = null, psnrTimer = 0;
 
@@ -33,7 +35,8 @@ function setSortedModel() {
     if (sorter.wanted) sendSort();
   };
   sorter.worker.onerror = (event) => fail(new Error(`The sorter failed: ${event.message}`));
-  sorter.worker.postMessage({ motion: motionOf(model) });
+  model.sorted = motionOf(model);
+  sorter.worker.postMessage({ motion: model.sorted });
 }
 function sendSort() {
   const { wanted } = sorter, buffer = sorter.buffer;
@@ -62,9 +65,28 @@ async function sortedFor(view, time) {
 // ---- what is drawn
 const steps = () => Math.max(info.steps || model?.steps || 1, 1);
 const modelTime = (time = state.time) => time * (model?.duration ?? 1);
-const frameOf = (time) => Math.round(time * (steps() - 1));
+const timeOf = (frame) => {
+  const at = Math.min(Math.max(frame, 0), steps() - 1);
+  return info.times?.length === steps() ? info.times[at] : at / Math.max(steps() - 1, 1);
+};
+// The time step at a time, with a fraction between two.
+function stepAt(time) {
+  const last = steps() - 1, { times } = info;
+  if (times?.length !== last + 1 || last < 1) return time * last;
+  let k = 0;
+  while (k < last - 1 && times[k + 1] <= time) ++k;
+  return Math.min(Math.max(k + (time - times[k]) / (times[k + 1] - times[k] || 1), 0), last);
+}
+const frameOf = (time) => Math.round(stepAt(time));
 const cameraIndex = () => (state.camera === null || !info.cameras.length ? -1 : Math.min(Math.max(+state.camera || 0, 0), info.cameras.length - 1));
 const groupOf = (index) => groups.find((group) => group.members.includes(index));
+
+// The places of a camera that moves: their names differ in the last number, and each has its own time.
+function pathOf(index) {
+  const stem = (camera) => `${camera.split} ${String(camera.name).replace(/\d+(\.\w+)?$/, '')}`, own = stem(info.cameras[index]);
+  const members = info.cameras.flatMap((camera, k) => (stem(camera) === own ? [k] : []));
+  return { members: new Set(members.map((k) => info.cameras[k].time)).size === members.length ? members : [index] };
+}
 
 function backgroundColor() {
   return { scene: model?.background ?? [1, 1, 1], black: [0, 0, 0], grey: [0.5, 0.5, 0.5], white: [1, 1, 1] }[state.background];
@@ -76,8 +98,14 @@ function look() {
     mode: state.mode, show: state.show, background: backgroundColor(), minOpacity: state.minOpacity, maxSize: state.maxSize,
     crop: crop === null ? null : { low: o.map((x) => x - e), high: o.map((x) => x + e) },
     depthRange: result?.count ? [result.near, result.far] : [0, 1], longestFlow: longest * (state.longestFlow ? framing?.pixels ?? 1 : 1),
-    pointRadius: 1.6 * (framing?.ratio ?? 1), nextTime: Math.min(modelTime() + modelTime(1) / Math.max(steps() - 1, 1), modelTime(1)),
+    pointRadius: 1.6 * (framing?.ratio ?? 1), nextTime: nextTimeOf(state.time),
   };
+}
+
+// One time step later, in model time: where flow leads.
+function nextTimeOf(time) {
+  const at = stepAt(time), whole = Math.floor(at + 1e-4), step = whole + 1 < steps() ? timeOf(whole + 1) - timeOf(whole) : timeOf(whole) - timeOf(whole - 1);
+  return Math.min(modelTime(time + step), modelTime(1));
 }
 
 // The view and its place on the canvas, whose size is that of the stage times the ratio.
@@ -113,10 +141,18 @@ function draw(now) {
   wantSort(view, modelTime());
   renderer.draw(view, modelTime(), look(), left, top, [15 / 255, 17 / 255, 21 / 255]);
   const camera = info.cameras[index], address = camera && camera.image !== false ? run.imageAddress(index) : '';
-  truth.show(state.compare, address, framing.frame, framing.second ?? framing.frame, state.wipe);
+  const taken = camera && Math.abs(stepAt(camera.time) - stepAt(state.time)) > 0.5 ? ` at step ${frameOf(camera.time)}` : '';
+  truth.show(state.compare, address, framing.frame, framing.second ?? framing.frame, state.wipe, `True image${taken}`);
   const gain = $('gain');
   gain.hidden = !(address && state.compare === 'difference');
   for (const side of ['left', 'top', 'width', 'height']) gain.style[side] = `${framing.frame[side]}px`;
+  const over = $('trails');
+  over.hidden = !state.trails;
+  if (state.trails) {
+    if (over.width !== w || over.height !== h) { over.width = w; over.height = h; }
+    trails ??= findTrails(model, Array.from({ length: steps() }, (_, k) => k / Math.max(steps() - 1, 1)));
+    drawTrails(over, trails, view, modelTime(), left, top);
+  }
   if (now - lastShown > 200 || !state.playing) showNumbers(now);
 }
 
@@ -178,8 +214,13 @@ function setTime(time) {
   if (index >= 0) {
     const group = groupOf(index);
     if (group?.members.length > 1) state.camera = String(memberAt(group, info.cameras, state.time));
+    else if (group && state.follow) {
+      const path = pathOf(index);
+      state.camera = String(memberAt(path, info.cameras, state.time));
+      $('camera').value = state.camera;
+    }
   }
-  const fps = info.fps || model?.fps, last = steps() - 1, frame = state.time * last;
+  const fps = info.fps || model?.fps, last = steps() - 1, frame = stepAt(state.time);
   $('clock').innerHTML = '<b></b> <span></span>';
   $('clock').firstChild.textContent = `${Number.isInteger(+frame.toFixed(3)) ? Math.round(frame) : frame.toFixed(1)} / ${last}`;
   $('clock').lastChild.textContent = fps ? `${(frame / fps).toFixed(2)} s` : '';
@@ -201,6 +242,7 @@ function showNumbers(now) {
   if (shown) drawLegend(legend);
   $('summary').textContent = [model.count.toLocaleString('en') + ' Gaussians', info.motion || model.model || model.motion,
     info.iteration ? `step ${info.iteration.toLocaleString('en')}` : ''].filter(Boolean).join(' · ');
+  $('follow').hidden = !(framing.index >= 0 && groupOf(framing.index)?.members.length === 1 && pathOf(framing.index).members.length > 1);
   $('compare-note').textContent = info.cameras.length ? (framing.index < 0 ? 'Choose a camera of the scene to compare.' : '') : 'Files have no true images.';
 }
 
@@ -235,7 +277,7 @@ function changed(name) {
   if (name && name !== 'time') showState();
   if (name === 'compare' && state.compare !== 'off' && cameraIndex() >= 0) {  // true images are of whole time steps
     state.playing = false;
-    setTime(frameOf(state.time) / Math.max(steps() - 1, 1));
+    setTime(timeOf(frameOf(state.time)));
     showState();
   }
   truthPsnr = null;
@@ -315,8 +357,9 @@ function fillCameras() {
 }
 
 // ---- runs
+let awaited = null;  // a training that has no model yet
 async function openRun(next) {
-  setBusy('Loading the model …');
+  if (next !== awaited) setBusy('Loading the model …');
   try {
     const nextInfo = await next.info(), nextModel = await next.model();
     if (run && run !== next && next.given === undefined) next.tag = null;
@@ -338,8 +381,11 @@ async function openRun(next) {
     setTime(state.time);
     showState();
     say('');
+    awaited = null;
   } catch (error) {
-    fail(error);
+    awaited = error.comesLater ? next : null;
+    if (awaited) say(`${error.message} …`);
+    else fail(error);
   }
   setBusy('');
 }
@@ -349,6 +395,7 @@ function takeModel(next) {
   renderer.setModel(model);
   setSortedModel();
   free.speed = 0.6 * model.size;
+  trails = null;
   dirty = true;
 }
 // Up is that of the cameras on average: minus their y axes.
@@ -371,7 +418,8 @@ async function readTraining() {
 
 // While a training runs and somebody looks: its newest model and curves.
 async function follow() {
-  if (document.visibilityState === 'visible' && run?.live && info.live) {
+  if (document.visibilityState === 'visible' && awaited) await openRun(awaited);
+  else if (document.visibilityState === 'visible' && run && info.live) {
     try {
       const current = run, now = await current.state();
       if (now.live === false) info = { ...info, ...(await current.info()) };  // the evaluation is there now
@@ -396,6 +444,7 @@ async function openFiles(files) {
     const local = new LocalRun(read.name, read.model);
     runs.push(local);
     $('run').append(new Option(local.name, local.id));
+    document.querySelector('.run').hidden = false;
     Object.assign(state, { camera: null, free: null, compare: 'off' });
     await openRun(local);
     if (read.note) say(read.note, 8);
@@ -416,8 +465,7 @@ export async function capture({ camera = cameraIndex(), time = state.time, width
   const wide = width ?? canvas.width, high = height ?? canvas.height;
   const view = camera >= 0 ? viewOfCamera(info.cameras[camera], model.near) : free.view(wide, high, model.near);
   await sortedFor(view, modelTime(time));
-  const { duration } = model, nextTime = Math.min(modelTime(time) + duration / Math.max(steps() - 1, 1), duration);
-  const options = { ...look(), mode, nextTime, ...more };
+  const options = { ...look(), mode, nextTime: nextTimeOf(time), ...more };
   const pixels = sums ? renderer.captureSums(view, modelTime(time), options) : renderer.capture(view, modelTime(time), options, precise);
   dirty = true;
   return { width: view.width, height: view.height, pixels };
@@ -436,7 +484,7 @@ async function savePicture() {
 
 const commands = {
   play: () => { if (!state.playing && !state.loop && state.time >= 1) setTime(0); state.playing = !state.playing; changed('playing'); },
-  step: (by = 1) => { state.playing = false; setTime((frameOf(state.time) + by) / Math.max(steps() - 1, 1)); showState(); },
+  step: (by = 1) => { state.playing = false; setTime(timeOf(by > 0 ? Math.floor(stepAt(state.time) + 1e-4) + 1 : Math.ceil(stepAt(state.time) - 1e-4) - 1)); showState(); },
   stepBack: () => commands.step(-1),
   first: () => setTime(0),
   last: () => setTime(1),
@@ -475,6 +523,8 @@ function attach() {
   const click = (id, act) => $(id).addEventListener('click', () => act());
   for (const [id, act] of [['play', 'play'], ['step', 'step'], ['step-back', 'stepBack'], ['save', 'save'], ['link', 'link'], ['help', 'help'], ['toggle', 'panel'],
     ['previous', 'previousCamera'], ['following', 'nextCamera']]) click(id, commands[act]);
+  click('follow', () => { state.follow = !state.follow; changed('follow'); setTime(state.time); });
+  click('trail', () => { state.trails = !state.trails; changed('trails'); });
   click('loop', () => { state.loop = !state.loop; changed('loop'); });
   click('open', () => $('file').click());
   $('file').addEventListener('change', () => openFiles($('file').files));
@@ -521,6 +571,7 @@ async function start() {
   try {
     runs = await findRuns();
     for (const one of runs) $('run').append(new Option(one.name, String(one.id)));
+    document.querySelector('.run').hidden = !runs.length;
     if (runs.length) await openRun(runs.find((one) => String(one.id) === state.run) ?? runs[0]);
     else say('Drop a splat file to see it.');
   } catch (error) {

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws a model with WebGL2: parameters in float textures, poses in the vertex shader, one rectangle per
-// Gaussian, farthest first, blended into floats. All of it can be made again after a lost context.
+// Draws a model with WebGL2: parameters in float textures; a first pass poses and projects every visible
+// Gaussian once (transform feedback) into a texture; a second draws one rectangle for each, farthest first,
+// blended into floats. Rectangles are indexed, not instances: software rasterisers draw these one by one. All of it can be made again after a lost context.
 import { keyWeights, packKey, packRows, texelsPerKey, texelsPerRow, windowSigmas } from './motion.js';
 import { fragmentShader, keyLayers, modeNumbers, screenFragmentShader, screenVertexShader } from './shaders.js';
+import { noFragments, poseShader, posedOutputs } from './shaders.js';
 import { shTexels, textureWidth, vertexShader, wheelColors } from './shaders.js';
 
 export class Renderer {
@@ -23,6 +25,7 @@ export class Renderer {
     this.canBlendFloats = !!(floats && gl.getExtension('EXT_float_blend'));
     this.hasFloats = !!floats || !!gl.getExtension('EXT_color_buffer_half_float');
     this.programs = new Map();
+    this.posedTexture = null;
     this.targets = new Map();
     this.order = gl.createBuffer();
     this.vertices = gl.createVertexArray();
@@ -30,15 +33,18 @@ export class Renderer {
     gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
-    gl.vertexAttribDivisor(0, 1);
     gl.bindVertexArray(null);
+    this.posed = gl.createBuffer();
+    this.feedback = gl.createTransformFeedback();
+    this.rectangles = gl.createVertexArray();
+    this.corners = gl.createBuffer();
     this.nothing = gl.createVertexArray();
     this.count = 0;
     this.screen = this.link(screenVertexShader, screenFragmentShader);
     if (this.model) this.setModel(this.model);
   }
 
-  link(vertex, fragment) {
+  link(vertex, fragment, outputs) {
     const { gl } = this, program = gl.createProgram();
     for (const [type, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
       const shader = gl.createShader(type);
@@ -49,6 +55,7 @@ export class Renderer {
         throw new Error(`The graphics driver rejects a shader: ${gl.getShaderInfoLog(shader)}`);
     }
     gl.bindAttribLocation(program, 0, 'row');
+    if (outputs) gl.transformFeedbackVaryings(program, outputs, gl.INTERLEAVED_ATTRIBS);
     gl.linkProgram(program);
     if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost())
       throw new Error(`The graphics driver rejects a program: ${gl.getProgramInfoLog(program)}`);
@@ -66,8 +73,11 @@ export class Renderer {
   }
 
   programOf(mode) {
-    if (!this.programs.has(mode))
-      this.programs.set(mode, this.link(vertexShader(this.model, mode), fragmentShader(this.model, mode)));
+    if (!this.programs.has(mode)) {
+      const { model } = this, outputs = posedOutputs(mode);
+      const pose = this.link(poseShader(model, mode), noFragments, outputs), draw = this.link(vertexShader(model, mode), fragmentShader(model, mode));
+      this.programs.set(mode, { pose, draw, texels: outputs.length });
+    }
     return this.programs.get(mode);
   }
 
@@ -87,10 +97,14 @@ export class Renderer {
   setModel(model) {
     const { gl } = this;
     for (const texture of [this.rows, this.sh, this.keys]) if (texture && this.model) gl.deleteTexture(texture);
-    for (const { program } of this.programs.values()) gl.deleteProgram(program);
+    for (const { pose, draw } of this.programs.values()) {
+      gl.deleteProgram(pose.program);
+      gl.deleteProgram(draw.program);
+    }
     this.programs.clear();
     this.model = model;
     this.count = 0;
+    this.makeRoom(model.count);
     this.rows = this.texture(model.count, texelsPerRow(model), (length) => {
       const values = new Float32Array(length), texels = texelsPerRow(model);
       packRows(model, values, (i) => i * texels);
@@ -117,10 +131,29 @@ export class Renderer {
     }
   }
 
+  // Room for n posed Gaussians, and the corners of their rectangles: 4 i + 0, 1, 2 and 2, 1, 3.
+  makeRoom(n) {
+    const { gl } = this, height = Math.max(1, Math.ceil(4 * n / textureWidth)), corners = new Uint32Array(6 * n);
+    for (let i = 0; i < n; ++i) for (let k = 0; k < 6; ++k) corners[6 * i + k] = 4 * i + [0, 1, 2, 2, 1, 3][k];
+    gl.bindVertexArray(this.rectangles);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.posed);
+    gl.bufferData(gl.ARRAY_BUFFER, 16 * textureWidth * height, gl.DYNAMIC_COPY);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    if (this.posedTexture) gl.deleteTexture(this.posedTexture);
+    this.posedTexture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.posedTexture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, textureWidth, height);
+    this.setNearest(gl.TEXTURE_2D);
+  }
+
   setOrder(order, count) {
     const { gl } = this;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.order);
     gl.bufferData(gl.ARRAY_BUFFER, order.subarray(0, count), gl.DYNAMIC_DRAW);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.count = count;
   }
 
@@ -167,7 +200,7 @@ export class Renderer {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     if (!model || !this.count) return target;
-    const { program, places } = this.programOf(look.mode), step = model.duration / Math.max(model.steps - 1, 1);
+    const { pose, draw, texels } = this.programOf(look.mode), { program, places } = pose, step = model.duration / Math.max(model.steps - 1, 1);
     const later = look.nextTime ?? time + step;
     gl.useProgram(program);
     const bind = (unit, kind, texture, name) => {
@@ -204,10 +237,30 @@ export class Renderer {
     gl.uniform2f(places.sizeRange, 0, look.maxSize ? look.maxSize * model.size : 1e30);
     gl.uniform3fv(places.cropLow, crop ? crop.low : [-1e30, -1e30, -1e30]);
     gl.uniform3fv(places.cropHigh, crop ? crop.high : [1e30, 1e30, 1e30]);
+    gl.bindVertexArray(this.vertices);
+    gl.enable(gl.RASTERIZER_DISCARD);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.posed);
+    gl.beginTransformFeedback(gl.POINTS);
+    gl.drawArrays(gl.POINTS, 0, this.count);
+    gl.endTransformFeedback();
+    gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, null);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.disable(gl.RASTERIZER_DISCARD);
+
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.posedTexture);
+    gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, this.posed);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, textureWidth, Math.ceil(this.count * texels / textureWidth), gl.RGBA, gl.FLOAT, 0);
+    gl.bindBuffer(gl.PIXEL_UNPACK_BUFFER, null);
+
+    gl.useProgram(draw.program);
+    gl.uniform1i(draw.places.posedTexture, 3);
+    gl.uniform2f(draw.places.size, view.width, view.height);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    gl.bindVertexArray(this.vertices);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
+    gl.bindVertexArray(this.rectangles);
+    gl.drawElements(gl.TRIANGLES, 6 * this.count, gl.UNSIGNED_INT, 0);
     gl.bindVertexArray(null);
     gl.disable(gl.BLEND);
     return target;

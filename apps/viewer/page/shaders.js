@@ -46,7 +46,14 @@ function shSum(degree) {
 }
 export function shTexels(degree) { return Math.ceil(3 * (degree + 1) ** 2 / 4); }
 
-export function vertexShader(model, mode) {
+// What the pass that poses Gaussians writes for each, and the pass that draws them reads, a texel each:
+// mean, k1, k2 | k3, log2 opacity, half axis of the ellipse | value, half width | flow's H.
+export function posedOutputs(mode) {
+  return mode === 'flow' ? ['splat', 'splat2', 'value', 'transportH'] : ['splat', 'splat2', 'value'];
+}
+
+// Poses and projects one Gaussian per vertex.
+export function poseShader(model, mode) {
   return `${common}${definesOf(model, mode)}
 in uint row;
 uniform sampler2D rowTexture, shTexture;
@@ -64,9 +71,7 @@ uniform float near, dilation, pointRadius, movesFrom;
 uniform vec2 opacityRange;      // Gaussians of other opacities are left out
 uniform vec2 sizeRange;         // the same for the longest axis
 uniform vec3 cropLow, cropHigh;
-flat out vec4 splat;            // mean, k1, k2
-flat out vec2 splat2;           // k3, log2 opacity
-flat out vec4 value, transportH;
+out vec4 splat, splat2, value, transportH;  // posedOutputs(); not drawn where value.w is 0
 
 vec4 rowTexel(int i, int k) {
   int at = i * ROW_TEXELS + k;
@@ -219,9 +224,8 @@ vec3 colorOf(int i, vec3 mean) {
 }
 
 void main() {
-  gl_Position = vec4(2, 2, 2, 1);  // outside: not drawn
-  splat = value = transportH = vec4(0);
-  splat2 = vec2(0);
+  gl_Position = vec4(0);
+  splat = splat2 = value = transportH = vec4(0);
   int i = int(row);
   Pose pose = poseAt(i, 0);
   float log2Opacity = log2(pose.opacity);
@@ -276,7 +280,6 @@ void main() {
                   smoothstep(.5 * movesFrom, 1.5 * movesFrom, speed));
 #endif
   splat = vec4(o.mean, vec2(k1, k2) * SQRT_HALF_LOG2_E);
-  splat2 = vec2(k3 * SQRT_HALF_LOG2_E, log2Opacity);
 
   // A rectangle along the axes of the ellipse alpha >= 1/255, with a margin for rounding.
   float reach = (log2Opacity - ALPHA_MIN_LOG2 + 1e-3) / HALF_LOG2_E;
@@ -285,15 +288,43 @@ void main() {
 #endif
   float middle = .5 * (a + c), radius = length(vec2(.5 * (a - c), b));
   vec2 axis = abs(b) > 1e-6 * middle ? normalize(vec2(b, middle + radius - a)) : a >= c ? vec2(1, 0) : vec2(0, 1);
-  vec2 half_ = sqrt(reach * vec2(middle + radius, max(middle - radius, dilation))) + .02;
+  vec2 lengths = sqrt(reach * vec2(middle + radius, max(middle - radius, dilation))) + .02;
 #if MODE == 6
   axis = vec2(1, 0);
-  half_ = vec2(pointRadius);
-  splat2.x = pointRadius;
+  lengths = vec2(pointRadius);
 #endif
-  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1.;
-  vec2 at = o.mean + corner.x * half_.x * axis + corner.y * half_.y * vec2(-axis.y, axis.x);
-  gl_Position = vec4(at.x / size.x * 2. - 1., 1. - at.y / size.y * 2., 0, 1);
+  splat2 = vec4(k3 * SQRT_HALF_LOG2_E, log2Opacity, axis * lengths.x);
+  value.w = lengths.y;
+}`;
+}
+export const noFragments = `#version 300 es
+void main() {}`;
+
+// Places the corners of one Gaussian's rectangle.
+export function vertexShader(model, mode) {
+  return `${common}${definesOf(model, mode)}
+uniform sampler2D posedTexture;
+uniform vec2 size;              // [px]
+flat out vec4 splat, value, transportH;
+flat out vec2 splat2;
+vec4 posedTexel(int k) {
+  int at = (gl_VertexID >> 2) * (MODE == 3 ? 4 : 3) + k;
+  return texelFetch(posedTexture, ivec2(at & ((1 << WIDTH_BITS) - 1), at >> WIDTH_BITS), 0);
+}
+void main() {
+  splat = posedTexel(0);
+  vec4 more = posedTexel(1);
+  value = posedTexel(2);
+  splat2 = more.xy;
+#if MODE == 3
+  transportH = posedTexel(3);
+#endif
+#if MODE == 6
+  splat2.x = value.w;
+#endif
+  vec2 corner = vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) * 2. - 1., axis = more.zw;
+  vec2 at = splat.xy + corner.x * axis + corner.y * value.w * normalize(vec2(-axis.y, axis.x));
+  gl_Position = value.w > 0. ? vec4(at.x / size.x * 2. - 1., 1. - at.y / size.y * 2., 0, 1) : vec4(2, 2, 2, 1);
 }`;
 }
 

@@ -9,8 +9,10 @@ async function fetched(address, options) {
   } catch {
     throw new FileError('The server does not answer. gflow view may have ended.');
   }
-  if (!answer.ok && answer.status !== 304)
-    throw new FileError((await answer.json().catch(() => ({}))).error || `The server answers ${answer.status} for ${address}.`);
+  if (!answer.ok && answer.status !== 304) {
+    const { error } = await answer.json().catch(() => ({}));
+    throw Object.assign(new FileError(error || `The server answers ${answer.status} for ${address}.`), { comesLater: answer.status === 503 });
+  }
   return answer;
 }
 const json = async (address) => (await fetched(address)).json();

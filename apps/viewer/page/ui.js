@@ -5,10 +5,10 @@
 export const firstState = {
   mode: 'color', show: 'all', background: 'scene', compare: 'off', wipe: 0.5, style: 'orbit', minOpacity: 0, maxSize: null,
   crop: null, longestFlow: null, resolution: 'auto', speed: 1, loop: true, time: 0, playing: false, camera: null, free: null,
-  run: null, panel: true, fov: 50,
+  run: null, panel: true, fov: 50, follow: false, trails: false,
 };
 const kept = ['mode', 'show', 'background', 'compare', 'wipe', 'style', 'minOpacity', 'maxSize', 'crop', 'longestFlow',
-  'resolution', 'speed', 'loop', 'time', 'camera', 'free', 'run', 'panel'];
+  'resolution', 'speed', 'loop', 'time', 'camera', 'free', 'run', 'panel', 'follow', 'trails'];
 const choices = {
   mode: ['color', 'opacity', 'depth', 'flow', 'motion', 'ellipsoids', 'points'], show: ['all', 'moving', 'static'],
   background: ['scene', 'black', 'grey', 'white'], compare: ['off', 'wipe', 'beside', 'difference'],
@@ -89,6 +89,8 @@ export function attachControls(state, changed) {
     for (const field of document.querySelectorAll('[data-for]')) field.hidden = field.dataset.for !== state.mode;
     document.body.classList.toggle('closed', !state.panel);
     $('toggle').setAttribute('aria-expanded', String(state.panel));
+    $('follow').setAttribute('aria-checked', String(state.follow));
+    $('trail').setAttribute('aria-checked', String(state.trails));
     $('loop').setAttribute('aria-pressed', String(state.loop));
     $('speed').value = [...$('speed').options].some((o) => +o.value === state.speed) ? String(state.speed) : '1';
     $('play').innerHTML = `<svg aria-hidden="true"><use href="#i-${state.playing ? 'pause' : 'play'}"/></svg>`;
