@@ -169,7 +169,7 @@ std::string page_with_model(const std::map<std::string, std::string>& files,
                             const std::string& model, const nlohmann::ordered_json& info) {
   static const std::regex style_line(R"~(<link rel="stylesheet" href="/?viewer/([\w.-]+)">)~"),
       entry_line(R"~(<script type="module" src="/?viewer/([\w.-]+)"></script>)~");
-  std::string page = files.at("index.html");
+  std::string page = slim(files.at("index.html"));
   std::smatch found;
   if (!std::regex_search(page, found, style_line))
     throw Error("the viewer's index.html names no style");
@@ -187,7 +187,7 @@ std::string page_with_model(const std::map<std::string, std::string>& files,
                          inside_element(slim(bundled(files, kWorker))));
   parts += fmt::format("<script type=\"module\">\n{}</script>",
                        inside_element(slim(bundled(files, entry))));
-  replace_first(page, style, "<style>\n" + inside_element(files.at(css)) + "</style>");
+  replace_first(page, style, "<style>\n" + inside_element(slim(files.at(css))) + "</style>");
   replace_first(page, script, parts);
   return page;
 }
