@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 
@@ -13,6 +14,9 @@
 #include "apps/common/model_source.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/output_path.hpp"
+#include "apps/viewer/html.hpp"
+#include "apps/viewer/page_files.hpp"
+#include "apps/viewer/view_source.hpp"
 #include "optim/eval/splatv.hpp"
 #include "optim/eval/views.hpp"
 #include "optim/formats/dot_splat.hpp"
@@ -45,20 +49,21 @@ struct ExportFlags {
 // Without an extension --format decides.
 std::string format_of(const ExportFlags& flags) {
   static const std::map<std::string, std::string> endings = {
-      {".ply", "ply"}, {".splat", "splat"}, {".splatv", "splatv"}, {".4dgs", "4dgs"}};
+      {".ply", "ply"},   {".splat", "splat"}, {".splatv", "splatv"},
+      {".4dgs", "4dgs"}, {".html", "html"},   {".htm", "html"}};
   const std::string ending = lower(fs::path(flags.output).extension().string());
   const auto meant = endings.find(ending);
   const bool sequence = flags.format == "ply-sequence";  // a folder may have any name
   if (meant == endings.end() && !ending.empty() && !sequence)
     throw Error(
         fmt::format("exporting to {}: gflow cannot write {} files; supported are .ply, .splat, "
-                    ".splatv, .4dgs and, with --format ply-sequence, a folder of .ply files",
+                    ".splatv, .4dgs, .html and, with --format ply-sequence, a folder of .ply files",
                     flags.output, ending));
   if (meant == endings.end() && flags.format.empty())
-    throw Error(
-        fmt::format("exporting to {}: the format is unknown; end the name in .ply, .splat, .splatv "
-                    "or .4dgs, or give --format",
-                    flags.output));
+    throw Error(fmt::format(
+        "exporting to {}: the format is unknown; end the name in .ply, .splat, .splatv, "
+        ".4dgs or .html, or give --format",
+        flags.output));
   if (meant == endings.end()) return flags.format;
   if (!flags.format.empty() && flags.format != meant->second)
     throw Error(
@@ -270,12 +275,28 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
                times[0]);
 }
 
+// The viewer with the model in one file.
+void export_html(const ExportFlags& flags, const GlobalOptions& options) {
+  require_no_times(flags);
+  ViewDevice device([&] { return std::unique_ptr<Queue>(new Queue(open_queue(options))); });
+  ViewSource source(flags.model, flags.iteration, flags.undrawable, device);
+  const std::string model = *source.model(ViewPrecision::half).bytes;
+  const std::string page = page_with_model(page_files(), model, source.info_of_file());
+  write_file_atomically(flags.output, page);
+  print_result("written   {}, {:.1f} MB; open it in a browser\n", flags.output,
+               double(page.size()) / 1e6);
+}
+
 void run_export(ExportFlags flags, const GlobalOptions& options) {
   flags.format = format_of(flags);
   if (flags.format == "ply-sequence")
     require_no_folder_of_run(flags.output);
   else
     require_no_file_of_run(flags.output);
+  if (flags.format == "html") {
+    require_other_file(flags.output, flags.model);
+    return export_html(flags, options);
+  }
   ModelSource source = model_source(flags.model, flags.iteration, flags.undrawable);
   require_other_file(flags.output, source.path);
   export_model(flags, source, options);
@@ -310,11 +331,14 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
   command
       ->add_option(
           "--format", flags->format,
-          "Default: by the ending of the output, .ply, .splat, .splatv or .4dgs. ply: one time, "
+          "Default: by the ending of the output, .ply, .splat, .splatv, .4dgs or .html. ply: one "
+          "time, "
           "for every 3DGS viewer; ply-sequence: one PLY per step, for SuperSplat; splat: one time, "
           "without view-dependent colour; splatv: all times of a spacetime or native4d model, for "
-          "splaTV and gsplat.js; 4dgs: all times of any model, for players of 4dgs.dev")
-      ->check(choice_of({"ply", "ply-sequence", "splat", "splatv", "4dgs"}));
+          "splaTV and gsplat.js; 4dgs: all times of any model, for players of 4dgs.dev; html: all "
+          "times of any model with "
+          "a viewer, one file for any browser")
+      ->check(choice_of({"ply", "ply-sequence", "splat", "splatv", "4dgs", "html"}));
   command
       ->add_option("--times", flags->times,
                    "ply, splat: the time, 0 to 1; empty: 0.5. ply-sequence: 0:1:40 (40 times from "

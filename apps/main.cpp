@@ -97,6 +97,7 @@ void add_commands(CLI::App& app, gflow::GlobalOptions& options) {
   gflow::add_train(app, options);
   gflow::add_cameras(app, options);
   gflow::add_render(app, options);
+  gflow::add_view(app, options);
   gflow::add_eval(app, options);
   gflow::add_export(app, options);
   gflow::add_info(app, options);

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "apps/common/command_line.hpp"
+#include "apps/common/found_above.hpp"
 #include "apps/common/model_source.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/output_path.hpp"
@@ -44,14 +45,6 @@ struct RenderFlags {
 struct Source : ModelSource {
   std::optional<LoadedScene> loaded;
 };
-
-// The file `name` in the folder of a model or up to three above it (RUN/point_cloud/iteration_N).
-std::string found_above(const std::string& model, const std::string& name) {
-  fs::path folder = fs::absolute(model).parent_path();
-  for (int level = 0; level < 4; ++level, folder = folder.parent_path())
-    if (fs::exists(folder / name)) return (folder / name).string();
-  return "";
-}
 
 Source find_source(const RenderFlags& flags) {
   Source source{model_source(flags.model, flags.iteration, flags.undrawable), {}};

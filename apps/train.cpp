@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "apps/common/compile_ahead.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
+#include "apps/viewer/server.hpp"
 #include "optim/eval/metric_networks.hpp"
 #include "optim/options/quality.hpp"
 #include "optim/runs/train_run.hpp"
@@ -34,7 +36,8 @@ struct TrainFlags {
   Undrawable undrawable = Undrawable::left_out;
   int64_t seed = 0;
   bool profile = false;
-  bool resume = false, overwrite = false, allow_command = false, still = false;
+  bool resume = false, overwrite = false, allow_command = false, still = false, view = false;
+  int port = 8008;
 };
 
 // Accepts the number of steps of a training.
@@ -119,6 +122,27 @@ TrainOptions configured(const TrainFlags& flags, const CLI::App& command) {
   return config;
 }
 
+// The viewer beside a training. It uses a queue of its own where it needs the device.
+class TrainingView {
+ public:
+  TrainingView(const TrainFlags& flags, const TrainOptions& config, const GlobalOptions& options)
+      : device_([options] { return std::unique_ptr<Queue>(new Queue(open_queue(options))); }) {
+    std::vector<std::unique_ptr<ViewSource>> sources;
+    sources.push_back(std::make_unique<ViewSource>(flags.run, config, live_, device_));
+    server_ =
+        std::make_unique<ViewServer>(std::move(sources), ServerOptions{"127.0.0.1", flags.port});
+    print_result("viewer    {}\n", server_->address());
+    std::fflush(stdout);
+  }
+  ~TrainingView() { live_->end(); }  // before the server waits for its answers
+  TrainObserver* observer() { return live_.get(); }
+
+ private:
+  std::shared_ptr<LiveModel> live_ = std::make_shared<LiveModel>();
+  ViewDevice device_;
+  std::unique_ptr<ViewServer> server_;
+};
+
 void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI::App& command) {
   TrainOptions config = configured(flags, command);
   GlobalOptions device = options;
@@ -131,10 +155,15 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   std::optional<CameraMethod> method;
   if (!flags.method.empty()) method = value_named<CameraMethod>(flags.method);
   find_cameras_of_video(config, run, method, flags.resume, options.quiet);
+  TrainExtensions extensions;
+  std::unique_ptr<TrainingView> view;
+  if (flags.view) view = std::make_unique<TrainingView>(flags, config, device);
+  if (view) extensions.observer = view->observer();
   const Evaluation evaluation = train_run(queue, config, run, options.quiet,
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
-                                                            : Start::fresh);
+                                                            : Start::fresh,
+                                          extensions);
   print_report(evaluation, run.read_facts());
   print_result("model     {}\n", run.model_path(run.models().at(0)));
   if (std::filesystem::exists(run.path("results.json")))
@@ -232,6 +261,11 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command->add_flag("--allow-command", flags->allow_command,
                     "Start the program given by guidance.command in a file: in --config, or in the "
                     "run that is resumed");
+  command->add_flag("--view", flags->view,
+                    "Show the training in a browser, at the address that is printed");
+  command->add_option("--port", flags->port, "Port of --view; 0: any free one")
+      ->check(number_in(0, 65535))
+      ->type_name("N");
   command->add_flag("--profile", flags->profile, "Print the time of each kernel");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

@@ -37,6 +37,7 @@ void add_cameras(CLI::App& app, const GlobalOptions& options);  // these need Op
 void add_train(CLI::App& app, const GlobalOptions& options);
 void add_settings(CLI::App& app, const GlobalOptions& options);
 void add_render(CLI::App& app, const GlobalOptions& options);
+void add_view(CLI::App& app, const GlobalOptions& options);
 void add_export(CLI::App& app, const GlobalOptions& options);
 void add_info(CLI::App& app, const GlobalOptions& options);
 void add_eval(CLI::App& app, const GlobalOptions& options);

@@ -9,7 +9,7 @@ const StepReport& TrainState::report() {
 }
 
 std::unique_ptr<WarningsTo> warnings_to(TrainObserver* observer) {
-  if (!observer) return nullptr;
+  if (!observer || !observer->takes_warnings()) return nullptr;
   return std::make_unique<WarningsTo>(
       [observer](const std::string& sentence) { observer->on_notice(sentence); });
 }

@@ -42,6 +42,8 @@ class TrainObserver {
   virtual void after_step(TrainState&) {}
   // A message to the user: about an event in a step, or a warning, which may come from any thread.
   virtual void on_notice(const std::string&) {}
+  // false: warnings stay on stderr, and on_notice() gets the events only.
+  virtual bool takes_warnings() const { return true; }
   // Called before each step, with `done` steps made; true ends the training.
   virtual bool stop(int done) {
     (void)done;
@@ -66,7 +68,8 @@ struct TrainExtensions {
   std::vector<MakeObjective> objectives;  // after gflow's own
 };
 
-// Sends warnings to the observer while the result exists; nullptr: they stay on stderr.
+// Sends warnings to the observer while the result exists; nullptr, or one that takes none: they
+// stay on stderr.
 std::unique_ptr<WarningsTo> warnings_to(TrainObserver* observer);
 
 // Makes steps first, first + 1, ..., steps - 1 unless the observer stops; returns the number of

@@ -64,6 +64,8 @@ class Command {
   }
   // The output on stderr so far.
   std::string said() const { return contents(folder_.file("err")); }
+  // The same on stdout.
+  std::string printed() const { return contents(folder_.file("out")); }
   Outcome wait() const {
     int status = 0;
     waitpid(pid_, &status, 0);

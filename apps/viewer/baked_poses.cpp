@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/viewer/baked_poses.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "optim/model/slice.hpp"
+#include "shared/motion/life.h"
+
+namespace gflow {
+namespace {
+
+Eigen::Matrix3d rotation_of(const std::array<double, 4>& q) {
+  return Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
+}
+
+std::array<double, 4> quat_of(const Eigen::Matrix3d& rotation) {
+  const Eigen::Quaterniond q = Eigen::Quaterniond(rotation).normalized();
+  return {q.w(), q.x(), q.y(), q.z()};
+}
+
+// The columns as axes. False if they are not orthogonal, or one has no direction.
+bool axes_of_columns(const Eigen::Matrix3d& l, FactorPose& pose) {
+  constexpr double kOrthogonal = 1e-3;  // of float columns; a factor without scales is far from it
+  Eigen::Matrix3d axes = l;
+  for (long k = 0; k < 3; ++k) {
+    pose.scales[size_t(k)] = l.col(k).norm();
+    if (!(pose.scales[size_t(k)] > 1e-30)) return false;
+    axes.col(k) /= pose.scales[size_t(k)];
+  }
+  const Eigen::Matrix3d products = axes.transpose() * axes;
+  if (!((products - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < kOrthogonal)) return false;
+  if (axes.determinant() < 0) axes.col(2) = -axes.col(2);
+  pose.quat = quat_of(axes);
+  return true;
+}
+
+// Reorders axes, given in any order, so that each is nearest to its own of the time before.
+void follow_axes(FactorPose& pose, const FactorPose& before) {
+  const Eigen::Matrix3d axes = rotation_of(pose.quat);
+  const Eigen::Matrix3d products = rotation_of(before.quat).transpose() * axes;
+  std::array<long, 3> order = {0, 1, 2}, best = order;
+  double most = -1;
+  do {
+    double sum = 0;
+    for (long k = 0; k < 3; ++k) sum += std::fabs(products(k, order[size_t(k)]));
+    if (sum > most + 1e-9) most = sum, best = order;
+  } while (std::next_permutation(order.begin(), order.end()));
+  Eigen::Matrix3d sorted;
+  const std::array<double, 3> scales = pose.scales;
+  for (size_t k = 0; k < 3; ++k) {
+    const bool turned = products(long(k), best[k]) < 0;
+    sorted.col(long(k)) = (turned ? -1 : 1) * axes.col(best[k]);
+    pose.scales[k] = scales[size_t(best[k])];
+  }
+  if (sorted.determinant() < 0) {  // turn the axis that follows its own least
+    long least = 0;
+    for (long k = 1; k < 3; ++k)
+      if (std::fabs(products(k, best[size_t(k)])) < std::fabs(products(least, best[size_t(least)])))
+        least = k;
+    sorted.col(least) = -sorted.col(least);
+  }
+  pose.quat = quat_of(sorted);
+}
+
+// Opacities by kernels/shared/motion/life.h, 0 outside the time window.
+float opacity_by_life(const HostGroups& groups, size_t i, float t, float sigmas) {
+  const float dt = t - groups.at("means_t")[i];
+  const float life = std::exp(groups.at("log_scales")[4 * i + 3]);
+  if (!is_in_time_window(dt, life, sigmas)) return 0;
+  return float(life_at(groups.at("logit_opacities")[i], dt, double(life) * life).opacity);
+}
+
+}  // namespace
+
+bool needs_poses(const HostModel& model) {
+  const MotionModelKind kind = model.shape.motion;
+  return kind != MotionModelKind::spacetime && kind != MotionModelKind::native4d &&
+         kind != MotionModelKind::keyframes && !is_static_model(model);
+}
+
+std::vector<double> times_within(const std::vector<double>& times, size_t moving, size_t most) {
+  constexpr size_t kPoseBytes = 40;
+  const size_t count = std::max<size_t>(most / (kPoseBytes * std::max<size_t>(moving, 1)), 2);
+  if (times.size() <= count) return times;
+  std::vector<double> chosen;
+  for (size_t k = 0; k < count; ++k) chosen.push_back(times[k * (times.size() - 1) / (count - 1)]);
+  return chosen;
+}
+
+FactorPose pose_of_factor(const float* factor, const FactorPose* before) {
+  FactorPose pose{{1, 0, 0, 0}, {}};
+  const Eigen::Matrix3d l =
+      Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(factor).cast<double>();
+  if (!l.allFinite()) {  // not drawn: its scales exceed a float
+    pose.scales.fill(double(std::numeric_limits<float>::max()));
+    return pose;
+  }
+  if (!axes_of_columns(l, pose)) {
+    const FactorParts parts = parts_of_factor(factor);
+    pose = {parts.quat, parts.scales};
+    if (before) follow_axes(pose, *before);
+  }
+  double product = 0;
+  for (size_t k = 0; before && k < 4; ++k) product += pose.quat[k] * before->quat[k];
+  if (product < 0)
+    for (double& q : pose.quat) q = -q;
+  return pose;
+}
+
+BakedPoses bake_poses(Queue& queue, const HostModel& host, const std::vector<double>& times) {
+  BakedPoses poses;
+  poses.times = times;
+  const size_t n = host.count, m = poses.moving = host.num_moving();
+  if (n == 0) return poses;
+  Model model(queue, host, Purpose::rendering);
+  // At the rendered time, Gaussians outside their time window have no pose; at a second time they
+  // have one, but no opacity.
+  Buffer<cl_uint> everyone("everyone");
+  everyone.ensure(queue, n);
+  everyone.fill(queue, 1u);
+  GaussiansAt at;
+  std::vector<FactorPose> before;
+  const float sigmas = window_sigmas(host.shape.cutoff);
+  bool opacities_by_life = true, scales_change = false;
+  for (const double time : times) {
+    const float t = model.time(time);
+    model.motion->at(queue, model.parameters, t, nullptr, at);
+    const std::vector<float> opacities = at.opacities.read_range(queue, 0, n);
+    for (size_t i = 0; i < n && opacities_by_life; ++i)
+      opacities_by_life =
+          std::fabs(opacities[i] - opacity_by_life(host.groups, i, t, sigmas)) < 1e-3f;
+    poses.opacities.insert(poses.opacities.end(), opacities.begin(), opacities.end());
+    if (m == 0) continue;
+    model.motion->at(queue, model.parameters, t, &everyone, at);
+    const std::vector<float> means = at.means.read_range(queue, 0, 3 * m);
+    const std::vector<float> factors = at.factors.read_range(queue, 0, 9 * m);
+    poses.means.insert(poses.means.end(), means.begin(), means.end());
+    std::vector<FactorPose> now(m);
+    for (size_t i = 0; i < m; ++i) {
+      now[i] = pose_of_factor(&factors[9 * i], before.empty() ? nullptr : &before[i]);
+      for (const double q : now[i].quat) poses.quats.push_back(float(q));
+      for (size_t k = 0; k < 3; ++k) {
+        const float log_scale = log_of_scale(float(now[i].scales[k]));
+        poses.log_scales.push_back(log_scale);
+        scales_change |= std::fabs(log_scale - host.groups.at("log_scales")[4 * i + k]) > 1e-5f;
+      }
+    }
+    before = std::move(now);
+  }
+  if (opacities_by_life) poses.opacities.clear();
+  if (!scales_change) poses.log_scales.clear();
+  return poses;
+}
+
+}  // namespace gflow

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's page as one file that needs no server: style, modules and model inside it.
+#pragma once
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+namespace gflow {
+
+// A module and all that it imports as one script. `files`: text by name. Rules of the modules:
+//   import { a, b } from './name.js';      at the beginning of a line
+//   export function f(), export const, export class: declarations at the beginning of a line
+// and no cycles. Error that names the file if one breaks them.
+std::string bundled(const std::map<std::string, std::string>& files, const std::string& entry);
+
+// index.html of `files` with its style, its modules, the worker sort.worker.js, and the model:
+//   <script type="application/json" id="gflow-info">
+//   <script type="application/octet-stream" id="gflow-model" data-encoding="deflate-raw">  base64
+//   <script type="text/plain" id="gflow-worker">
+std::string page_with_model(const std::map<std::string, std::string>& files,
+                            const std::string& model, const nlohmann::ordered_json& info);
+
+// Base64 with padding (RFC 4648).
+std::string base64(const std::string& bytes);
+// A raw deflate stream (RFC 1951).
+std::string deflated_raw(const std::string& bytes);
+
+}  // namespace gflow

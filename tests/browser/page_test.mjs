@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests of the viewer's page in a headless Chromium. Usage: node page_test.mjs FOLDER
+// FOLDER is what tests/browser/run makes: runs and render_* of them, files, and the address of gflow view.
+// GFLOW_PAGE: folder to take the page's files from, instead of those in the program.
+import { readdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { join, resolve } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { Browser } from './browser.mjs';
+import { compare, readPng } from './picture.mjs';
+
+const folder = resolve(process.argv[2]), address = readFileSync(join(folder, 'address'), 'utf8').trim();
+const files = process.env.GFLOW_PAGE || '', wanted = process.argv[3];
+const models = readdirSync(folder).filter((name) => name.startsWith('render_')).map((name) => name.slice(7));
+const browser = await Browser.start();
+let passed = 0, failed = 0;
+
+async function test(name, body) {
+  if (wanted && !name.includes(wanted)) return;
+  const start = Date.now();
+  try {
+    const note = await body();
+    ++passed;
+    console.log(`ok     ${name}${note ? `: ${note}` : ''} (${((Date.now() - start) / 1000).toFixed(1)} s)`);
+  } catch (error) {
+    ++failed;
+    console.log(`failed ${name}: ${error.message}`);
+  }
+}
+function expect(condition, message) { if (!condition) throw new Error(message); }
+async function opened(hash = '', options = {}) {
+  const page = await browser.page(address + hash, { files, width: 640, height: 480, ...options });
+  await page.until('window.gflow?.model && window.gflow.sorter.result');
+  return page;
+}
+const text = (page, id) => page.run(`document.getElementById('${id}').hidden ? '' : document.getElementById('${id}').textContent`);
+// Bytes of a picture, as the page draws it at the size of the camera.
+async function picture(page, options) {
+  const { width, height, pixels } = await page.run(`gflow.capture(${JSON.stringify(options)}).then((c) => ({ width: c.width, height: c.height,
+    pixels: Array.from({ length: Math.ceil(c.pixels.length / 8192) }, (_, k) => String.fromCharCode(...c.pixels.subarray(8192 * k, 8192 * (k + 1)))).join('') }))`);
+  return { width, height, pixels: Buffer.from(pixels, 'latin1') };
+}
+async function runNamed(page, name) {
+  const id = (await page.run('fetch("/api/runs").then((a) => a.json())')).find((run) => run.name === name)?.id;
+  expect(id !== undefined, `there is no run ${name}`);
+  return id;
+}
+function flowOf(path) {
+  const bytes = readFileSync(path);
+  return { count: bytes.readInt32LE(4) * bytes.readInt32LE(8), at: (i) => [bytes.readFloatLE(12 + 8 * i), bytes.readFloatLE(16 + 8 * i)] };
+}
+
+const first = await opened();
+const ids = {};
+for (const model of models) ids[model] = await runNamed(first, model);
+await first.close();
+
+for (const model of models)
+  await test(`pictures of ${model} are those of gflow render`, async () => {
+    const page = await opened(`#run=${ids[model]}`), root = join(folder, `render_${model}`);
+    const cameras = await page.run('gflow.info.cameras.map(({ name, split, time, step }, index) => ({ name, split, time, step, index }))');
+    const views = cameras.filter(({ split }) => split === 'test'), worst = { psnr: Infinity, share: 0, largest: 0, epe: 0 };
+    for (const share of [0, 0.26, 0.5, 0.74, 0.95]) {
+      const { name, time, step, index } = views[Math.floor(share * views.length)], file = `${name}_${String(step).padStart(4, '0')}`;
+      const drawn = await picture(page, { camera: index, time, mode: 'color' }), found = compare(drawn.pixels, readPng(join(root, 'rgb', `${file}.png`)));
+      worst.psnr = Math.min(worst.psnr, found.psnr);
+      worst.share = Math.max(worst.share, found.share);
+      worst.largest = Math.max(worst.largest, found.largest);
+      if (!readdirSync(join(root, 'flow')).includes(`${file}.flo`)) continue;
+      const sums = await page.run(`gflow.capture({ camera: ${index}, time: ${time}, mode: 'flow', sums: true }).then((c) => Array.from(c.pixels, (x) => +x.toPrecision(6)))`);
+      const flow = flowOf(join(root, 'flow', `${file}.flo`));
+      let sum = 0, count = 0;
+      for (let i = 0; i < flow.count; ++i) {
+        const [u, v] = flow.at(i), weight = sums[4 * i + 3];
+        if (Math.abs(u) > 1e8 || !(weight > 0.004)) continue;
+        sum += Math.hypot(sums[4 * i] / weight - u, sums[4 * i + 1] / weight - v);
+        ++count;
+      }
+      worst.epe = Math.max(worst.epe, sum / Math.max(count, 1));
+    }
+    expect(!page.errors.length, page.errors[0]);
+    await page.close();
+    const numbers = `PSNR ${worst.psnr.toFixed(1)} dB, largest difference ${worst.largest}, flow ${worst.epe.toExponential(1)} px`;
+    expect(worst.psnr >= 42 && worst.share <= 0.005 && worst.epe <= 0.05, numbers);
+    return numbers;
+  });
+
+await test('time, cameras, modes and the wipe follow keys and the address', async () => {
+  const page = await opened('#time=0.5&compare=wipe'), shown = () => page.run('[gflow.state.time, gflow.state.mode, gflow.state.compare, gflow.state.camera]');
+  await page.until('document.getElementById("truth").complete && !document.getElementById("truth").hidden && document.getElementById("truth").naturalWidth > 0');
+  const [before] = await shown();
+  await page.key('ArrowRight');
+  const [after] = await shown();
+  expect(after > before, `the time went from ${before} to ${after}`);
+  await page.key('4');
+  expect((await shown())[1] === 'flow', 'the key 4 does not show flow');
+  await page.key('1');
+  await page.key('c');
+  expect((await shown())[2] === 'beside', 'the key c does not change the comparison');
+  await page.drag(200, 250, 60, 20);
+  expect((await shown())[3] === null, 'dragging does not free the camera');
+  await page.until('location.hash.includes("free=")', 3);
+  await page.key(' ');
+  const [t0] = await shown();
+  await new Promise((done) => setTimeout(done, 600));
+  expect((await shown())[0] !== t0, 'it does not play');
+  expect(!page.errors.length, page.errors[0]);
+  await page.close();
+});
+
+await test('scrubbing changes the picture as rendering does', async () => {
+  const page = await opened(), distance = async (time) => {
+    await page.run(`gflow.setTime(${time}); gflow.setCamera(gflow.info.cameras.findIndex((c) => c.split === 'test'))`);
+    const index = await page.run('+gflow.state.camera'), [a, b] = [await picture(page, {}), await picture(page, { camera: index, time })];
+    return a.pixels.compare(b.pixels);
+  };
+  for (const time of [0, 0.5, 1]) expect(await distance(time) === 0, `at ${time} the picture differs`);
+  await page.close();
+});
+
+// A container of n Gaussians in a cube, written as the server writes them.
+function container(n) {
+  const arrays = { means: 3, quats: 4, log_scales: 3, logit_opacities: 1, sh0: 3 }, header = { motion: 'static', count: n, moving: n, arrays: {} };
+  let size = 0;
+  for (const [name, width] of Object.entries(arrays)) {
+    header.arrays[name] = { offset: size, shape: [n, width], type: 'float32' };
+    size += 4 * width * n;
+  }
+  let text_ = JSON.stringify(header);
+  text_ += ' '.repeat((8 - (12 + text_.length) % 8) % 8);
+  const bytes = Buffer.alloc(12 + text_.length + size);
+  bytes.write(`GFLOWVM1\0\0\0\0${text_}`, 'latin1');
+  bytes.writeUInt32LE(text_.length, 8);
+  let seed = 1;
+  const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const put = { means: () => 2 * random() - 1, quats: () => random() - 0.5, log_scales: () => -5 - random(), logit_opacities: () => 4 * random(), sh0: () => 3 * random() - 1.5 };
+  for (const name of Object.keys(arrays))
+    for (let i = 0; i < arrays[name] * n; ++i) bytes.writeFloatLE(put[name](), 12 + text_.length + header.arrays[name].offset + 4 * i);
+  return bytes;
+}
+for (const n of [0, 1, 100000, 300000])
+  await test(`a model of ${n} Gaussians`, async () => {
+    const page = await opened(), path = join(folder, `cube_${n}.gflow`);
+    writeFileSync(path, container(n));
+    const start = Date.now();
+    await page.drop(path);
+    await page.until(`gflow.model.count === ${n} && gflow.model.motion === 'static' && gflow.sorter.result`, 30);
+    const loaded = Date.now() - start, { pixels } = await picture(page, { width: 640, height: 360 });
+    const drawn = pixels.some((x, i) => i % 4 < 3 && x < 250);
+    expect(drawn === n > 0, n ? 'nothing is drawn' : 'something is drawn');
+    const sort = await page.run(`(async () => { const all = []; for (let i = 1; i <= 7; ++i) { await gflow.capture({ width: 64, height: 64, time: i / 10 });
+      all.push(gflow.sorter.result.milliseconds); } return all.sort((a, b) => a - b)[3]; })()`);
+    const frame = await page.run(`(async () => { await gflow.capture({ width: 640, height: 360, precise: false }); const start = performance.now();
+      for (let i = 0; i < 3; ++i) await gflow.capture({ width: 640, height: 360, precise: false }); return (performance.now() - start) / 3; })()`);
+    expect(await text(page, 'message') === '', await text(page, 'message'));
+    await page.close();
+    if (n === 100000) expect(sort < 33, `sorting takes ${sort.toFixed(1)} ms`);
+    return `loaded in ${loaded} ms, sorted in ${sort.toFixed(1)} ms, a frame of 640 x 360 takes ${frame.toFixed(0)} ms`;
+  });
+
+for (const name of readdirSync(folder).filter((one) => one.startsWith('file.')))
+  await test(`a dropped ${name}`, async () => {
+    const page = await opened();
+    await page.run('gflow.model.isOld = true');
+    await page.drop(join(folder, name));
+    await page.until('!gflow.model.isOld && gflow.sorter.result');
+    const { pixels } = await picture(page, { width: 320, height: 240 });
+    expect(pixels.some((x, i) => i % 4 < 3 && x < 250), 'nothing is drawn');
+    const damaged = join(folder, `damaged.${name.slice(5)}`), bytes = readFileSync(join(folder, name));
+    writeFileSync(damaged, bytes.subarray(0, Math.floor(bytes.length * 0.6) - 7));
+    await page.drop(damaged);
+    await page.until('!document.getElementById("message").hidden', 10);
+    const message = await text(page, 'message');
+    expect(/truncated|damaged/.test(message), `of a damaged file it says "${message}"`);
+    await page.close();
+    return `then damaged: "${message}"`;
+  });
+
+await test('WebGL lost and restored', async () => {
+  const page = await opened(), before = await picture(page, {});
+  await page.run('window.loss = gflow.renderer.gl.getExtension("WEBGL_lose_context"); loss.loseContext()');
+  await page.until('document.getElementById("message").textContent.includes("lost")', 5);
+  await page.run('loss.restoreContext()');
+  await page.until('document.getElementById("message").hidden', 5);
+  const after = await picture(page, {});
+  expect(before.pixels.equals(after.pixels), 'the picture afterwards differs');
+  await page.close();
+});
+
+await test('without WebGL2 it says so', async () => {
+  const page = await browser.page(address, { files, before: 'HTMLCanvasElement.prototype.getContext = () => null' });
+  await page.until('document.getElementById("message")?.textContent.includes("WebGL2")', 10);
+  await page.close();
+});
+
+await test('the exported page opens from disk and draws the same', async () => {
+  const exported = join(folder, 'scene.html');
+  const served = await opened(`#run=${ids[models[0]]}`), camera = await served.run('gflow.info.cameras.findIndex((c) => c.split === "test")');
+  const truth = await picture(served, { camera, time: 0 });
+  await served.close();
+  const page = await browser.page(pathToFileURL(exported).href, { width: 640, height: 480 });
+  await page.until('window.gflow?.model && window.gflow.sorter.result');
+  const { psnr } = compare((await picture(page, { camera, time: 0 })).pixels, { ...truth, channels: 4 });
+  expect(!page.errors.length, page.errors[0]);
+  await page.close();
+  expect(psnr > 45, `PSNR ${psnr.toFixed(1)} dB`);
+  return `PSNR ${psnr.toFixed(1)} dB`;
+});
+
+await browser.close();
+console.log(`${passed} passed, ${failed} failed`);
+process.exitCode = failed || !passed ? 1 : 0;
