@@ -170,6 +170,7 @@ function tick(now) {
   }
   if (state.resolution === 'auto') adapt(seconds, now);
   if (!dirty) return;
+  if (!sorter.result) return void wantSort(frameView().view, modelTime());  // a new model: the last picture stays meanwhile
   dirty = false;
   try {
     draw(now);
