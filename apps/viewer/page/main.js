@@ -3,7 +3,7 @@
 import { attachCamera, dot3, FreeCamera, viewOfCamera } from './camera.js';
 import { drawCharts, fillList, trainingEntries } from './charts.js';
 import { groupCameras, memberAt, TruthOverlay } from './compare.js';
-import { motionOf } from './motion.js';
+import { motionOf } from './packing.js';
 import { Renderer } from './renderer.js';
 import { wheelColors } from './shaders.js';
 import { findRuns, LocalRun, makeSorter } from './source.js';
