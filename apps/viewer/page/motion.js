@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Motion models on the CPU: time windows, weights of keys, and the moved centres that the worker sorts
-// (shaders.js has the same formulas). Formulas are those of kernels/shared/motion. Times are model times, the video is [0, duration].
+// (shaders.js has the same formulas), as in kernels/shared/motion. Times are model times: the video is [0, duration].
 
 // |t - mean_t| below which a Gaussian is visible, in temporal standard deviations.
 export function windowSigmas(cutoff) {
