@@ -3,7 +3,7 @@
 import { attachCamera, dot3, FreeCamera, viewOfCamera } from './camera.js';
 import { drawCharts, fillList, trainingEntries } from './charts.js';
 import { groupCameras, memberAt, TruthOverlay } from './compare.js';
-import { motionOf } from './motion.js';
+import { motionOf } from './packing.js';
 import { Renderer } from './renderer.js';
 import { wheelColors } from './shaders.js';
 import { findRuns, LocalRun, makeSorter } from './source.js';
@@ -170,6 +170,7 @@ function tick(now) {
   }
   if (state.resolution === 'auto') adapt(seconds, now);
   if (!dirty) return;
+  if (!sorter.result) return void wantSort(frameView().view, modelTime());  // a new model: the last picture stays meanwhile
   dirty = false;
   try {
     draw(now);

@@ -2,7 +2,8 @@
 // Draws a model with WebGL2: parameters in float textures; a first pass poses and projects every visible
 // Gaussian once (transform feedback) into a texture; a second draws one rectangle for each, farthest first,
 // blended into floats. Rectangles are indexed, not instances: software rasterisers draw these one by one. All of it can be made again after a lost context.
-import { keyWeights, packKey, packRows, texelsPerKey, texelsPerRow, windowSigmas } from './motion.js';
+import { keyWeights, windowSigmas } from './motion.js';
+import { packKey, packRows, texelsPerKey, texelsPerRow } from './packing.js';
 import { fragmentShader, keyLayers, modeNumbers, screenFragmentShader, screenVertexShader } from './shaders.js';
 import { noFragments, poseShader, posedOutputs } from './shaders.js';
 import { shTexels, textureWidth, vertexShader, wheelColors } from './shaders.js';

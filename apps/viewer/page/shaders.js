@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The shaders: the formulas of kernels/shared (motion/*.h, quat.h, projection.h, sh.h, transport.h,
 // pixel.h) in GLSL, with the same names. Matrices are three rows.
-import { texelsPerKey, texelsPerRow } from './motion.js';
+import { texelsPerKey, texelsPerRow } from './packing.js';
 
 export const textureWidth = 4096;  // texels per row of a parameter texture; a power of two
 export const keyLayers = 8;        // keys on the device at once
