@@ -245,7 +245,7 @@ std::string with_resolution(const std::string& problem, const SceneOptions& opti
 
 // Error if hardly any frames belong together: they would train a scene of nothing.
 void require_scene(const Findings& findings) {
-  constexpr size_t least_points = 50, least_share = 10;  // one in so many frames
+  constexpr size_t least_points = 20, least_share = 10;  // one in so many frames
   if (findings.reprojection.points >= least_points &&
       findings.placed * least_share >= findings.frames)
     return;

@@ -327,9 +327,10 @@ TEST_F(CommandTest, TheDeviceInTheSettingsIsForTrainingAlone) {
 
 TEST_F(CommandTest, AWrongCommandLineIsAnsweredWithWhatIsNearest) {
   const std::string out = "/nowhere/out";
-  expect_refused({}, {"a command is missing",
-                      "train, cameras, render, eval, export, info, experiment, settings, import, "
-                      "splat, bench, stress, devices or completion"});
+  expect_refused({},
+                 {"a command is missing",
+                  "train, cameras, render, view, eval, export, info, experiment, settings, import, "
+                  "splat, bench, stress, devices or completion"});
   expect_refused({"trian", "scene", "-o", out}, {"`gflow trian`", "nearest is train", "splat"});
   expect_refused({"--quiet", "device"}, {"`gflow device`", "nearest is devices"});
   expect_refused({"--device"}, {"--device", "missing", "gflow --help"});
