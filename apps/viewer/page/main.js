@@ -251,7 +251,8 @@ let legendKind = '';
 function drawLegend(element) {
   const paint = element.firstElementChild.getContext('2d'), size = 128, options = look();
   element.classList.toggle('depth', state.mode === 'depth');
-  element.lastElementChild.textContent = state.mode === 'flow' ? `${(options.longestFlow / framing.pixels).toPrecision(2)} px per step`
+  const asTrained = ['material', 'translate'].includes(model.transport) ? '' : `, by material transport (the run: ${model.transport})`;
+  element.lastElementChild.textContent = state.mode === 'flow' ? `${(options.longestFlow / framing.pixels).toPrecision(2)} px per step${asTrained}`
     : `${options.depthRange[0].toPrecision(3)} … ${options.depthRange[1].toPrecision(3)}`;
   if (legendKind === state.mode) return;
   legendKind = state.mode;
