@@ -45,6 +45,16 @@ bool chooses_by_trials(const TrainOptions& config) {
   return config.motion.model == MotionChoice::automatic && config.motion.trial_steps > 0;
 }
 
+MotionModelKind best_of_trials(const std::map<MotionModelKind, double>& psnr,
+                               MotionModelKind suggested) {
+  const auto weighed = [&](const auto& trial) {
+    return trial.second + (trial.first == suggested ? kClear : 0);
+  };
+  return std::max_element(psnr.begin(), psnr.end(),
+                          [&](const auto& a, const auto& b) { return weighed(a) < weighed(b); })
+      ->first;
+}
+
 MotionChoice model_by_trials(Queue& queue, const TrainOptions& options, bool quiet) {
   Scene scene = read_scene(options.scene.path, options.scene);
   const MotionModelKind suggested = motion_model(scene, options);
@@ -55,17 +65,17 @@ MotionChoice model_by_trials(Queue& queue, const TrainOptions& options, bool qui
   config.train.iterations = std::min(options.train.iterations, options.motion.trial_steps);
   config.train.minutes = 0;
   const ScratchFolder folder("trials");
-  std::vector<std::pair<double, MotionModelKind>> results;
+  std::map<MotionModelKind, double> results;
   for (const MotionModelKind kind : {MotionModelKind::spacetime, MotionModelKind::keyframes,
                                      MotionModelKind::hexplane, MotionModelKind::nodes}) {
     config.motion.model = choice_of(kind);
     const double psnr = psnr_of_trial(queue, scene, config, folder, quiet);
-    results.emplace_back(psnr + (kind == suggested ? kClear : 0), kind);
+    results[kind] = psnr;
     if (!quiet)
       print_status("trial of {}: PSNR {:.2f} dB of views that are held back\n", name_of(kind),
                    psnr);
   }
-  const MotionModelKind chosen = std::max_element(results.begin(), results.end())->second;
+  const MotionModelKind chosen = best_of_trials(results, suggested);
   if (!quiet)
     print_status("chosen: {}{}\n", name_of(chosen),
                  chosen == suggested

@@ -41,6 +41,15 @@ TEST_F(ModelTrials, TheBestOnHeldBackViewsIsChosen) {
     EXPECT_LE(psnr, trials.at(name_of(chosen)) + 0.31) << name;  // near equals: by the scene
 }
 
+TEST(BestOfTrials, IsTheBestButTheSuggestedOneIfItIsNear) {
+  using Kind = MotionModelKind;
+  const std::map<Kind, double> psnr = {
+      {Kind::spacetime, 30}, {Kind::hexplane, 30.2}, {Kind::nodes, 29}};
+  EXPECT_EQ(best_of_trials(psnr, Kind::spacetime), Kind::spacetime);
+  EXPECT_EQ(best_of_trials(psnr, Kind::hexplane), Kind::hexplane);
+  EXPECT_EQ(best_of_trials(psnr, Kind::nodes), Kind::hexplane);
+}
+
 TEST_F(ModelTrials, OnlyAnAutomaticModelIsTried) {
   EXPECT_TRUE(chooses_by_trials(config_));
   config_.motion.model = MotionChoice(1);
