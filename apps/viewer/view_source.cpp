@@ -74,10 +74,20 @@ struct ViewSource::View {
   const Frame* frame = nullptr;  // with its image, or null
 };
 
+Queue& ViewDevice::opened() {
+  if (!queue_) queue_ = open_();
+  return *queue_;
+}
+
 BakedPoses ViewDevice::bake(const HostModel& model, const std::vector<double>& times) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!queue_) queue_ = open_();
-  return bake_poses(*queue_, model, times);
+  return bake_poses(opened(), model, times);
+}
+
+HostModel ViewDevice::select(const HostModel& model, const Selection& selection,
+                             const std::vector<double>& times) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return selected(opened(), model, selection, times);
 }
 
 ViewSource::ViewSource(const std::string& run_or_file, int iteration, Undrawable undrawable,
@@ -170,28 +180,47 @@ HostModel ViewSource::read_model_at(Place& place) {
   return std::move(state.model);
 }
 
-ViewSource::Packed ViewSource::model(ViewPrecision precision) {
-  const std::lock_guard<std::mutex> lock(model_mutex_);
+ViewSource::Place ViewSource::newest_place_or_throw() const {
   std::optional<Place> place = newest_place();
   if (!place)
     throw NotYet(
         fmt::format("{} has no model yet: training saves the first one after "
                     "train.checkpoint_every or train.save_every steps, or at its end",
                     name_));
-  if (packed_ && tag_ == place->tag && precision == ViewPrecision::full) return {tag_, packed_};
-  const HostModel host = read_model_at(*place);
-  origin_ = host.shape.origin;
+  return std::move(*place);
+}
+
+std::string ViewSource::bytes_of(const HostModel& model, ViewPrecision precision) {
+  origin_ = model.shape.origin;
+  const ViewFacts about = facts(model);  // loads the scene
   std::optional<BakedPoses> poses;
-  const ViewFacts about = facts(host);  // loads the scene
-  if (needs_poses(host))
-    poses = device_.bake(host, times_within(pose_times(), host.num_moving(), kPoseBytes));
-  auto bytes = std::make_shared<const std::string>(
-      view_model_bytes(host, poses ? &*poses : nullptr, about, precision));
-  if (precision == ViewPrecision::full) {
-    tag_ = place->tag;
-    packed_ = bytes;
+  if (needs_poses(model))
+    poses = device_.bake(model, times_within(pose_times(), model.num_moving(), kPoseBytes));
+  return view_model_bytes(model, poses ? &*poses : nullptr, about, precision);
+}
+
+ViewSource::Packed ViewSource::model() {
+  const std::lock_guard<std::mutex> lock(model_mutex_);
+  Place place = newest_place_or_throw();
+  if (packed_ && tag_ == place.tag) return {tag_, packed_};
+  packed_ =
+      std::make_shared<const std::string>(bytes_of(read_model_at(place), ViewPrecision::full));
+  tag_ = place.tag;
+  return {tag_, packed_};
+}
+
+std::string ViewSource::model_of_file(const Selection& selection) {
+  const std::lock_guard<std::mutex> lock(model_mutex_);
+  Place place = newest_place_or_throw();
+  HostModel model = read_model_at(place);
+  origin_ = model.shape.origin;
+  if (!selection.is_everything()) {
+    facts(model);  // loads the scene, which has the times
+    const size_t whole = model.count;
+    model = device_.select(model, selection, pose_times());
+    require_some_left(model, whole, path_);
   }
-  return {place->tag, std::move(bytes)};
+  return bytes_of(model, ViewPrecision::half);
 }
 
 void ViewSource::load_scene_once() {

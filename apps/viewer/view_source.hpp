@@ -13,6 +13,7 @@
 #include "apps/viewer/live_model.hpp"
 #include "apps/viewer/view_model.hpp"
 #include "optim/formats/splat_table.hpp"
+#include "optim/model/selection.hpp"
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/loaded_scene.hpp"
 
@@ -32,8 +33,11 @@ class ViewDevice {
  public:
   explicit ViewDevice(std::function<std::unique_ptr<Queue>()> open) : open_(std::move(open)) {}
   BakedPoses bake(const HostModel& model, const std::vector<double>& times);
+  HostModel select(const HostModel& model, const Selection& selection,
+                   const std::vector<double>& times);
 
  private:
+  Queue& opened();  // holding mutex_
   std::function<std::unique_ptr<Queue>()> open_;
   std::mutex mutex_;
   std::unique_ptr<Queue> queue_;
@@ -67,7 +71,9 @@ class ViewSource {
     std::shared_ptr<const std::string> bytes;
   };
   // The newest model as bytes for the page. NotYet if the run has none.
-  Packed model(ViewPrecision precision = ViewPrecision::full);
+  Packed model();
+  // What is selected of it for a file of its own. Error if that is nothing.
+  std::string model_of_file(const Selection& selection);
 
   // The true image of camera `index` of info(), as training saw it: a PNG. NoSuchView if there is
   // none.
@@ -81,11 +87,13 @@ class ViewSource {
   struct Place;
   struct View;
   std::optional<Place> newest_place() const;
+  Place newest_place_or_throw() const;
   HostModel read_model_at(Place& place);  // sets the place to that of what was read
   bool is_in_training() const { return live_ && live_->is_training(); }
   void load_scene_once();
   std::vector<View> views();
   ViewFacts facts(const HostModel& model);
+  std::string bytes_of(const HostModel& model, ViewPrecision precision);
   std::vector<double> pose_times() const;
 
   std::string path_, name_;

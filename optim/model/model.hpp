@@ -22,6 +22,9 @@ struct ModelShape : MotionShape {
   std::array<double, 3> origin = {0, 0, 0};
 };
 
+// The groups with a row per Gaussian; others are in motion_tables().
+std::vector<GroupSpec> model_groups(const ModelShape& shape);
+
 struct HostModel {
   ModelShape shape;
   size_t count = 0;
