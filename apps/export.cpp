@@ -388,12 +388,13 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->check(zero_or_in(slowest_fps, fastest_fps));
   command
       ->add_option("--min-opacity", flags->selection.min_opacity,
-                   "Only Gaussians of at least this opacity at one of the times")
+                   "Only Gaussians whose greatest opacity over time is at least this")
       ->check(number_in(0, 1));
   command
-      ->add_option("--max-size", flags->selection.max_size,
-                   "Only Gaussians that extend at most this far along x, y and z, one standard "
-                   "deviation in scene units; 0: any")
+      ->add_option(
+          "--max-size", flags->selection.max_size,
+          "Only Gaussians whose longest standard deviation is at most this, in scene units; "
+          "0: any")
       ->check(number_in(0, 1e15));
   command
       ->add_option("--crop", flags->crop,

@@ -27,6 +27,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr size_t kPoseBytes = size_t{256} << 20;  // of a model's baked poses, at most
+constexpr double kPoseTolerance = 1.0 / 8;        // of exported ones, see thinned()
 constexpr size_t kMetricLines = 5000;             // in one answer
 
 // Folder or file without the folders around it.
@@ -196,6 +197,7 @@ std::string ViewSource::bytes_of(const HostModel& model, ViewPrecision precision
   std::optional<BakedPoses> poses;
   if (needs_poses(model))
     poses = device_.bake(model, times_within(pose_times(), model.num_moving(), kPoseBytes));
+  if (poses && precision == ViewPrecision::half) poses = thinned(*poses, model, kPoseTolerance);
   return view_model_bytes(model, poses ? &*poses : nullptr, about, precision);
 }
 

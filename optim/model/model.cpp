@@ -203,6 +203,11 @@ std::vector<GroupSpec> model_groups(const ModelShape& shape) {
   return specs;
 }
 
+double longest_scale(const HostModel& model, size_t i) {
+  const float* log_scales = &model.groups.at("log_scales")[4 * i];
+  return std::exp(double(*std::max_element(log_scales, log_scales + 3)));
+}
+
 std::string tables_path(const std::string& path) {
   return std::filesystem::path(path).replace_extension(".motion.npz").string();
 }

@@ -35,6 +35,9 @@ struct HostModel {
   size_t num_moving() const { return std::min(moving, count); }
 };
 
+// The longest standard deviation of a Gaussian at rest [scene units].
+double longest_scale(const HostModel& model, size_t i);
+
 // Purpose of a model; without training state it takes a quarter of the memory.
 enum class Purpose { training, rendering };
 

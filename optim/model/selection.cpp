@@ -9,27 +9,20 @@
 namespace gflow {
 namespace {
 
-// The selection at one time. Origin: of the model's means.
-struct Filter {
-  const Selection& selection;
-  std::array<double, 3> origin;
+bool meets_at_any_time(const Selection& selection, const HostModel& model, size_t i) {
+  const double opacity = 1 / (1 + std::exp(-double(model.groups.at("logit_opacities")[i])));
+  return opacity >= selection.min_opacity &&
+         (selection.max_size == 0 || longest_scale(model, i) <= selection.max_size);
+}
 
-  bool passes(const float* mean, const float* factor, float opacity) const {
-    if (!(opacity > 0) || double(opacity) < selection.min_opacity) return false;
-    if (selection.max_size > 0)
-      for (size_t k = 0; k < 3; ++k) {
-        const float* row = factor + 3 * k;
-        const double extent = std::hypot(double(row[0]), double(row[1]), double(row[2]));
-        if (!(extent <= selection.max_size)) return false;
-      }
-    if (selection.crop)
-      for (size_t k = 0; k < 3; ++k) {
-        const double x = double(mean[k]) + origin[k];
-        if (!(x >= (*selection.crop)[k] && x <= (*selection.crop)[3 + k])) return false;
-      }
-    return true;
+bool is_inside(const std::array<double, 6>& box, const float* mean,
+               const std::array<double, 3>& origin) {
+  for (size_t k = 0; k < 3; ++k) {
+    const double x = double(mean[k]) + origin[k];
+    if (!(x >= box[k] && x <= box[3 + k])) return false;
   }
-};
+  return true;
+}
 
 // Of each block of `rows.size()` rows, those that are kept.
 void keep_rows(std::vector<float>& values, size_t width, const std::vector<uint32_t>& kept,
@@ -49,24 +42,23 @@ void keep_rows(std::vector<float>& values, size_t width, const std::vector<uint3
 HostModel selected(Queue& queue, const HostModel& host, const Selection& selection,
                    const std::vector<double>& times) {
   const size_t n = host.count;
-  const Filter filter{selection, host.shape.origin};
-  std::vector<char> keep(n, 0);
-  {
+  std::vector<char> seen(n, 0);
+  if (n > 0) {
     Model model(queue, host, Purpose::rendering);
     GaussiansAt at;
     for (const double time : times) {
-      if (n == 0) break;
       model.motion->at(queue, model.parameters, model.time(time), nullptr, at);
       const std::vector<float> means = at.means.read_range(queue, 0, 3 * n),
-                               factors = at.factors.read_range(queue, 0, 9 * n),
                                opacities = at.opacities.read_range(queue, 0, n);
       for (size_t i = 0; i < n; ++i)
-        keep[i] |= char(filter.passes(&means[3 * i], &factors[9 * i], opacities[i]));
+        seen[i] |=
+            char(opacities[i] > 0 &&
+                 (!selection.crop || is_inside(*selection.crop, &means[3 * i], host.shape.origin)));
     }
   }
   std::vector<uint32_t> kept;
   for (size_t i = 0; i < n; ++i)
-    if (keep[i]) kept.push_back(uint32_t(i));
+    if (seen[i] && meets_at_any_time(selection, host, i)) kept.push_back(uint32_t(i));
 
   HostModel result = host;
   result.count = kept.size();
