@@ -46,6 +46,7 @@ struct ExportFlags {
   Undrawable undrawable = Undrawable::left_out;
   Selection selection;
   std::vector<double> crop;
+  bool compact = false;
 };
 
 // The output format: given by the extension of the name, which --format must not contradict.
@@ -300,11 +301,14 @@ void export_html(const ExportFlags& flags, const GlobalOptions& options) {
   require_no_times(flags);
   ViewDevice device([&] { return std::unique_ptr<Queue>(new Queue(open_queue(options))); });
   ViewSource source(flags.model, flags.iteration, flags.undrawable, device);
-  const std::string model = source.model_of_file(flags.selection);
-  const std::string page = page_with_model(page_files(), model, source.info_of_file());
+  const ViewSource::FileModel model = source.model_of_file(flags.selection, flags.compact);
+  const std::string page = page_with_model(page_files(), model.bytes, source.info_of_file());
   write_file_atomically(flags.output, page);
-  print_result("written   {}, {:.1f} MB; open it in a browser\n", flags.output,
-               double(page.size()) / 1e6);
+  print_result("written   {}, {} of {} Gaussians, {:.1f} MB; open it in a browser\n", flags.output,
+               model.count, model.whole, double(page.size()) / 1e6);
+  if (flags.compact)
+    print_result("rounded   its pictures have a PSNR of {:.1f} dB against the model's\n",
+                 model.psnr);
 }
 
 // --crop in the selection. Error if the box is empty.
@@ -321,6 +325,8 @@ void set_crop(ExportFlags& flags) {
 void run_export(ExportFlags flags, const GlobalOptions& options) {
   flags.format = format_of(flags);
   set_crop(flags);
+  if (flags.compact && flags.format != "html")
+    throw Error(fmt::format("--compact is for html files; {} has digits of its own", flags.format));
   if (flags.format == "ply-sequence")
     require_no_folder_of_run(flags.output);
   else
@@ -402,6 +408,9 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
                    "the times: least x y z, greatest x y z")
       ->expected(6)
       ->type_name("NUMBERS");
+  command->add_flag(
+      "--compact", flags->compact,
+      "html: rounds the numbers of the model, for a smaller file, and prints the loss");
   add_iteration(*command, flags->iteration);
   add_strict(*command, flags->undrawable);
   command->callback([flags, &options] { run_export(*flags, options); });

@@ -13,7 +13,7 @@
 #include <set>
 
 #include "apps/common/found_above.hpp"
-#include "optim/eval/views.hpp"
+#include "apps/viewer/rounded_model.hpp"
 #include "optim/images/decoded_image.hpp"
 #include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/run_names.hpp"
@@ -74,22 +74,6 @@ struct ViewSource::View {
   const char* split = "view";
   const Frame* frame = nullptr;  // with its image, or null
 };
-
-Queue& ViewDevice::opened() {
-  if (!queue_) queue_ = open_();
-  return *queue_;
-}
-
-BakedPoses ViewDevice::bake(const HostModel& model, const std::vector<double>& times) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return bake_poses(opened(), model, times);
-}
-
-HostModel ViewDevice::select(const HostModel& model, const Selection& selection,
-                             const std::vector<double>& times) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return selected(opened(), model, selection, times);
-}
 
 ViewSource::ViewSource(const std::string& run_or_file, int iteration, Undrawable undrawable,
                        ViewDevice& device)
@@ -196,7 +180,9 @@ std::string ViewSource::bytes_of(const HostModel& model, ViewPrecision precision
   const ViewFacts about = facts(model);  // loads the scene
   std::optional<BakedPoses> poses;
   if (needs_poses(model))
-    poses = device_.bake(model, times_within(pose_times(), model.num_moving(), kPoseBytes));
+    poses = device_.with_queue([&](Queue& queue) {
+      return bake_poses(queue, model, times_within(pose_times(), model.num_moving(), kPoseBytes));
+    });
   if (poses && precision == ViewPrecision::half) poses = thinned(*poses, model, kPoseTolerance);
   return view_model_bytes(model, poses ? &*poses : nullptr, about, precision);
 }
@@ -211,18 +197,46 @@ ViewSource::Packed ViewSource::model() {
   return {tag_, packed_};
 }
 
-std::string ViewSource::model_of_file(const Selection& selection) {
+ViewSource::FileModel ViewSource::model_of_file(const Selection& selection, bool compact) {
   const std::lock_guard<std::mutex> lock(model_mutex_);
   Place place = newest_place_or_throw();
   HostModel model = read_model_at(place);
   origin_ = model.shape.origin;
+  const ViewFacts about = facts(model);  // loads the scene, which has the times
+  FileModel file;
+  file.whole = model.count;
   if (!selection.is_everything()) {
-    facts(model);  // loads the scene, which has the times
-    const size_t whole = model.count;
-    model = device_.select(model, selection, pose_times());
-    require_some_left(model, whole, path_);
+    model = device_.with_queue(
+        [&](Queue& queue) { return selected(queue, model, selection, pose_times()); });
+    require_some_left(model, file.whole, path_);
   }
-  return bytes_of(model, ViewPrecision::half);
+  file.count = model.count;
+  if (compact) {
+    HostModel rounded = rounded_model(model);
+    file.psnr = device_.with_queue([&](Queue& queue) {
+      return psnr_between(queue, rounded, model, some_views(model), engine_settings(config_),
+                          about.near);
+    });
+    model = std::move(rounded);
+  }
+  file.bytes = bytes_of(model, ViewPrecision::half);
+  return file;
+}
+
+// Eight of the run's cameras and times, or of an orbit.
+std::vector<RenderView> ViewSource::some_views(const HostModel& model) {
+  constexpr size_t kViews = 8;
+  const std::lock_guard<std::mutex> lock(scene_mutex_);
+  const std::vector<View> all = views();
+  if (all.empty()) return orbit_views(model, parse_times(fmt::format("0:1:{}", kViews)), "-y");
+  std::vector<RenderView> some;
+  for (size_t k = 0; k < std::min(kViews, all.size()); ++k) {
+    const View& view = all[k * all.size() / std::min(kViews, all.size())];
+    RenderView& chosen = some.emplace_back();
+    chosen.camera = view.camera;
+    chosen.time = view.frame ? view.frame->time : double(k) / kViews;
+  }
+  return some;
 }
 
 void ViewSource::load_scene_once() {
