@@ -16,7 +16,8 @@ std::string bundled(const std::map<std::string, std::string>& files, const std::
 // index.html of `files` with its style, its modules, the worker sort.worker.js, and the model:
 //   <script type="application/json" id="gflow-info">
 //   <script type="application/octet-stream" id="gflow-model" data-encoding="deflate-raw">  base64
-//   <script type="text/plain" id="gflow-worker">
+//   <script type="application/octet-stream" id="gflow-scripts" data-encoding="deflate-raw">  base64
+//     of {"worker": text of the element gflow-worker, "page": module}, which the page adds to itself
 std::string page_with_model(const std::map<std::string, std::string>& files,
                             const std::string& model, const nlohmann::ordered_json& info);
 

@@ -81,7 +81,7 @@ TEST(PageWithModel, NeedsNothingFromOutside) {
   EXPECT_NE(page.find("id=\"gflow-model\" data-encoding=\"deflate-raw\">" +
                       base64(deflated_raw("model")) + "</script>"),
             std::string::npos);
-  EXPECT_LT(page.size(), 150'000u);
+  EXPECT_LT(page.size(), 100'000u);
 }
 
 }  // namespace
