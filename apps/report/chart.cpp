@@ -61,7 +61,7 @@ Axis linear_axis(double low, double high, double about) {
 Axis log_axis(double low, double high) {
   if (!(high > low)) low /= 1.5, high *= 1.5;
   Axis axis{low, high, true, {}};
-  const bool few = high / low < 30;
+  const bool few = high / low < 100;
   for (double decade = std::pow(10, std::floor(std::log10(low))); decade <= high; decade *= 10)
     for (const double step : {1., 2., 5.})
       if ((few || step == 1) && step * decade >= low && step * decade <= high)
@@ -213,7 +213,7 @@ Points thinned(const Points& points, size_t most) {
 }
 
 Points smoothed(const Points& points) {
-  const size_t reach = points.size() / 40;
+  const size_t reach = points.size() / kFewestSmoothed;
   Points result = points;
   for (size_t i = 0; i < points.size(); ++i) {
     const size_t near = std::min({reach, i, points.size() - 1 - i});  // the ends stay as they are

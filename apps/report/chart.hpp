@@ -51,7 +51,9 @@ struct BarChart {
 // A <figure>; empty if no bar has a value.
 std::string bar_chart(const BarChart& chart);
 
-// Mean over neighbours, a twentieth of the points wide.
+// Mean over neighbours, a twentieth of the points wide; fewer points than kFewestSmoothed stay as
+// they are.
+constexpr size_t kFewestSmoothed = 40;
 Points smoothed(const Points& points);
 // Neighbours averaged until at most `most` points are left.
 Points thinned(const Points& points, size_t most);

@@ -91,6 +91,14 @@ std::string table(const std::string& caption, const std::vector<TableCell>& head
   return text + "</tbody></table></div>\n";
 }
 
+std::string brand(const std::string& what, const std::string& date) {
+  return fmt::format(
+      "<div class=\"brand\"><svg viewBox=\"0 0 16 16\" aria-hidden=\"true\"><ellipse cx=\"8\" "
+      "cy=\"8\" rx=\"7.5\" ry=\"3.6\" transform=\"rotate(-30 8 8)\"/></svg>gflow, {0}<time "
+      "datetime=\"{1}\">{1}</time></div>\n",
+      escaped(what), escaped(date));
+}
+
 std::string section(const std::string& heading, const std::string& about, const std::string& body) {
   return fmt::format("<section>\n<h2>{}</h2>\n{}{}</section>\n", heading,
                      about.empty() ? "" : fmt::format("<p class=\"about\">{}</p>\n", about), body);

@@ -32,6 +32,9 @@ struct TableCell {
 std::string table(const std::string& caption, const std::vector<TableCell>& head,
                   const std::vector<std::vector<TableCell>>& rows);
 
+// The line above a title: what the page is (plain text), and its date.
+std::string brand(const std::string& what, const std::string& date);
+
 // A section with a heading, and a sentence below it unless `about` is empty. All are HTML.
 std::string section(const std::string& heading, const std::string& about, const std::string& body);
 

@@ -21,6 +21,7 @@ void add_curve(LineChart& chart, const std::vector<LogLine>& log, const std::str
   if (points.empty()) return;
   const size_t color = size_t(std::count_if(chart.series.begin(), chart.series.end(),
                                             [](const Series& series) { return !series.faint; }));
+  smooth &= is_smoothed(log);
   if (smooth) chart.series.push_back({"", points, color, true});
   chart.series.push_back({name, smooth ? smoothed(points) : points, color, false});
 }
@@ -64,6 +65,8 @@ Points curve_of(const std::vector<LogLine>& log, const std::string& name) {
       points.emplace_back(line.step, found->second);
   return thinned(points, kMostPoints);
 }
+
+bool is_smoothed(const std::vector<LogLine>& log) { return log.size() >= kFewestSmoothed; }
 
 std::string training_charts(const std::vector<LogLine>& log) {
   LineChart loss = chart_of("Loss", "logarithmic", 4);

@@ -21,6 +21,9 @@ std::vector<LogLine> read_log(const std::string& run_folder);
 // A value over the steps; empty if no line has it.
 Points curve_of(const std::vector<LogLine>& log, const std::string& name);
 
+// Whether curves have enough points to be smoothed.
+bool is_smoothed(const std::vector<LogLine>& log);
+
 // Curves of a training: loss terms, PSNR, flow error, Gaussians. HTML; empty without a log.
 std::string training_charts(const std::vector<LogLine>& log);
 

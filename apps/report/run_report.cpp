@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "apps/report/html.hpp"
 
@@ -68,12 +69,12 @@ std::string effort(const RunReport& report) {
 
 // "810 images of 27 cameras at 30 time steps, 640 × 360 pixels".
 std::string images_in_words(const SceneFacts& scene) {
-  const bool one = scene.tracks == 1;
   const bool moving = scene.cameras > scene.tracks;  // several poses of one camera
-  const std::string cameras =
-      one ? fmt::format("one{} camera", moving ? " moving" : "")
-          : counted(scene.tracks, "camera", moving ? "moving cameras" : "cameras");
-  return fmt::format("{} of {} at {}, {} × {} pixels", counted(scene.images, "image", "images"),
+  std::string cameras =
+      " of " + counted(scene.tracks, "camera", moving ? "moving cameras" : "cameras");
+  if (scene.tracks == 1) cameras = moving ? " of one moving camera" : " of one camera";
+  if (scene.tracks == scene.images && scene.images > 1) cameras = ", each from a place of its own,";
+  return fmt::format("{}{} at {}, {} × {} pixels", counted(scene.images, "image", "images"),
                      cameras, counted(size_t(std::max(0, scene.steps)), "time step", "time steps"),
                      scene.width, scene.height);
 }
@@ -87,10 +88,11 @@ std::string evaluated_in_words(const RunReport& report) {
         "The scene holds back no test views. Metrics and pictures are of {} training {}: they show "
         "how well the model fits what it has seen, not how well it shows new views.",
         grouped(double(count)), count == 1 ? "view" : "views");
-  std::string text =
-      fmt::format("Metrics and pictures are of {} {} of {}", counted(count, "view", "views"),
-                  report.split == "val" ? "held back for validation" : "held back for testing",
-                  counted(report.cameras.size(), "camera", "cameras"));
+  std::string text = fmt::format("Metrics and pictures are of {} held back for {}",
+                                 counted(count, "view", "views"),
+                                 report.split == "val" ? "validation" : "testing");
+  if (report.cameras.size() < count)
+    text += " from " + counted(report.cameras.size(), "camera", "cameras");
   text += report.evaluation.trained_on
               ? ", whose images were trained, too: they do not measure new views."
               : ", which training has not seen.";
@@ -98,14 +100,6 @@ std::string evaluated_in_words(const RunReport& report) {
     text +=
         " Their camera poses were fitted to their first image, because training corrects poses.";
   return text;
-}
-
-std::string brand(const std::string& date) {
-  return fmt::format(
-      "<div class=\"brand\"><svg viewBox=\"0 0 16 16\" aria-hidden=\"true\"><ellipse cx=\"8\" "
-      "cy=\"8\" rx=\"7.5\" ry=\"3.6\" transform=\"rotate(-30 8 8)\"/></svg>gflow, report of a "
-      "training<time datetime=\"{0}\">{0}</time></div>\n",
-      escaped(date));
 }
 
 std::string tile(const std::string& name, const std::string& value, const std::string& unit,
@@ -141,14 +135,14 @@ std::string tiles(const RunReport& report) {
   return "<dl class=\"tiles\">\n" + html + "</dl>\n";
 }
 
-std::string top(const RunReport& report) {
+std::string run_heading(const RunReport& report) {
   const std::string model = report.facts.motion.empty() ? ""
                                                         : fmt::format(" (motion model <b>{}</b>)",
                                                                       escaped(report.facts.motion));
   return fmt::format(
       "<header>\n{}<h1>{}</h1>\n<p class=\"lead\">A moving scene of {} Gaussians{}, trained on {}: "
       "{}{}.</p>\n<p class=\"lead\">{}</p>\n</header>\n{}",
-      brand(report.date), escaped(report.scene.name),
+      brand("report of a training", report.date), escaped(report.scene.name),
       report.evaluation.gaussians > 0 ? grouped(double(report.evaluation.gaussians)) : "3D", model,
       images_in_words(report.scene), effort(report),
       report.facts.device.empty() ? "" : " on " + escaped(report.facts.device),
@@ -215,15 +209,18 @@ std::string metrics_section(const RunReport& report) {
           ? " Flow is compared with optical flow computed from the images (DIS), where it is "
             "consistent."
           : "";
-  return section(
-      "Metrics",
-      fmt::format("Means over {}, and the worst and the best of them.{}",
-                  counted(views.size(), (split_in_words(report.split) + " view").c_str(),
-                          (split_in_words(report.split) + " views").c_str()),
-                  flow),
-      table("Metrics",
-            {{"metric"}, {"mean"}, {"worst view"}, {"best view"}, {"what it is", false, true}},
-            rows));
+  return section("Metrics",
+                 fmt::format("Means over {}, and the worst and the best of them.{}",
+                             counted(views.size(), (split_in_words(report.split) + " view").c_str(),
+                                     (split_in_words(report.split) + " views").c_str()),
+                             flow),
+                 table("Metrics",
+                       {{"metric", false, true},
+                        {"mean"},
+                        {"worst view"},
+                        {"best view"},
+                        {"what it is", false, true}},
+                       rows));
 }
 
 double mean_over(const std::vector<ViewMetrics>& views, const std::vector<size_t>& which,
@@ -240,7 +237,7 @@ std::string cameras_section(const RunReport& report) {
     return "";
   const std::vector<ViewMetrics>& views = report.evaluation.views;
   std::vector<ShownMetric> columns;
-  std::vector<TableCell> head{{"camera"}, {"views"}};
+  std::vector<TableCell> head{{"camera", false, true}, {"views"}};
   for (const ShownMetric& metric : shown_metrics()) {
     const bool wanted =
         metric.value != &ViewMetrics::psnr_unfitted && metric.value != &ViewMetrics::fl_all &&
@@ -264,9 +261,23 @@ std::string cameras_section(const RunReport& report) {
                  table("Metrics of each camera", head, rows));
 }
 
+// Whether some time step has several views.
+bool shares_steps(const std::vector<ViewMetrics>& views) {
+  std::set<int> steps;
+  for (const ViewMetrics& view : views)
+    if (!steps.insert(view.step).second) return true;
+  return false;
+}
+
+// Whether charts over time have a line per camera; else they show the mean and range of each step.
+bool draws_lines(const RunReport& report) {
+  constexpr size_t most_lines = 6;
+  return report.cameras.size() <= most_lines &&
+         report.cameras.size() < report.evaluation.views.size();
+}
+
 // A metric over the time steps: a line per camera, or for many cameras the mean and the range.
 LineChart chart_over_time(const RunReport& report, const ShownMetric& metric) {
-  constexpr size_t most_lines = 6;
   const std::vector<ViewMetrics>& views = report.evaluation.views;
   LineChart chart;
   chart.title = metric.name;
@@ -276,9 +287,7 @@ LineChart chart_over_time(const RunReport& report, const ShownMetric& metric) {
   chart.digits = metric.digits;
   chart.dots = true;
   chart.from_zero = !metric.higher_is_better;
-  const bool lines =
-      report.cameras.size() <= most_lines && report.cameras.size() < report.evaluation.views.size();
-  if (lines) {
+  if (draws_lines(report)) {
     for (size_t k = 0; k < report.cameras.size(); ++k) {
       Series series{report.cameras.size() > 1 ? report.cameras[k].name : "", {}, k, false};
       for (const size_t i : report.cameras[k].views)
@@ -292,7 +301,7 @@ LineChart chart_over_time(const RunReport& report, const ShownMetric& metric) {
   for (const ViewMetrics& view : views)
     if (const double value = view.*metric.value; std::isfinite(value))
       by_step[view.step].push_back(value * metric.scale);
-  Series mean{"mean over cameras", {}, 0, false};
+  Series mean{"mean over views", {}, 0, false};
   Band band;
   bool several = false;
   for (const auto& [step, values] : by_step) {
@@ -320,14 +329,15 @@ std::string time_section(const RunReport& report) {
   std::string charts;
   for (const ShownMetric& metric : shown_metrics())
     if (metric.value == &ViewMetrics::psnr || metric.value == &ViewMetrics::psnr_dynamic ||
-        metric.value == &ViewMetrics::flow_epe_dynamic)
+        metric.value == &ViewMetrics::ssim || metric.value == &ViewMetrics::flow_epe_dynamic)
       charts += line_chart(chart_over_time(report, metric));
   if (charts.empty()) return "";
-  return section(
-      "Over time",
-      fmt::format("Each {} view at its time step{}.", split_in_words(report.split),
-                  report.cameras.size() > 6 ? "; the area is the range over the cameras" : ""),
-      "<div class=\"charts\">\n" + charts + "</div>\n");
+  return section("Over time",
+                 fmt::format("Each {} view at its time step{}.", split_in_words(report.split),
+                             !draws_lines(report) && shares_steps(views)
+                                 ? "; the area is the range over views of one step"
+                                 : ""),
+                 "<div class=\"charts\">\n" + charts + "</div>\n");
 }
 
 std::string part(const Picture& picture, const std::string& caption, const std::string& alt) {
@@ -335,7 +345,8 @@ std::string part(const Picture& picture, const std::string& caption, const std::
                      escaped(caption));
 }
 
-std::string view_html(const ShownView& view, bool is_worst) {
+// parts: pictures below the wipe of a view that has all of them.
+std::string view_html(const ShownView& view, bool is_worst, size_t parts) {
   const ViewMetrics& m = view.metrics;
   std::string values;
   for (const ShownMetric& metric : shown_metrics())
@@ -354,7 +365,8 @@ std::string view_html(const ShownView& view, bool is_worst) {
       "</figcaption></figure>\n<figure class=\"truth\">{}<figcaption>image</figcaption></figure>\n"
       "<span class=\"edge\"></span><span class=\"middle\"></span></div></div>\n",
       escaped(m.name), img(view.rendered, "Render of " + at), img(view.truth, "Image of " + at));
-  html += "<div class=\"parts\">\n" + part(view.error, "error × 4", "Error of the render of " + at);
+  html += fmt::format("<div class=\"parts\" style=\"--parts:{}\">\n", parts) +
+          part(view.error, "error × 4", "Error of the render of " + at);
   if (!view.flow.empty())
     html += part(view.flow, "flow of the model", "Flow of the model in " + at);
   if (!view.target.empty()) html += part(view.target, "target flow", "Target flow in " + at);
@@ -365,19 +377,18 @@ std::string views_section(const RunReport& report) {
   if (report.views.empty()) return "";
   const ViewMetrics* worst = extreme(report.evaluation.views, shown_metrics().front(), true);
   std::string html;
-  bool flow = false;
-  for (const ShownView& view : report.views) {
-    html += view_html(view, worst && view.metrics.name == worst->name);
-    flow |= !view.flow.empty();
-  }
+  size_t parts = 1;
+  for (const ShownView& view : report.views)
+    parts = std::max(parts, size_t{1} + !view.flow.empty() + !view.target.empty());
+  for (const ShownView& view : report.views)
+    html += view_html(view, worst && view.metrics.name == worst->name, parts);
   std::string keys = "<div>Error: difference of image and render, four times as strong.</div>";
-  if (flow)
+  if (parts > 1)
     keys =
         fmt::format(
             "<div>{}<span>Flow: where each pixel moves until the next time step. The colour is the "
             "direction, as in the wheel; it is strongest at {} px. White: does not move. Black: "
-            "not "
-            "known.</span></div>",
+            "not known.</span></div>",
             img(flow_wheel(), "Colour wheel of directions"), number(report.flow_length, 1)) +
         keys;
   std::string about =
@@ -388,10 +399,9 @@ std::string views_section(const RunReport& report) {
   about +=
       ".<span class=\"hint\"> Drag or scroll a picture sideways to wipe between image and "
       "render.</span>";
-  return section(report.split == "train" ? "Training views" : "Views", about,
-                 "<div class=\"keys\">" + keys +
-                     "</div>\n<div class=\"views\" style=\"margin-top:18px\">\n" + html +
-                     "</div>\n");
+  return section(
+      report.split == "train" ? "Training views" : "Views", about,
+      "<div class=\"keys\">" + keys + "</div>\n<div class=\"views\">\n" + html + "</div>\n");
 }
 
 std::string notices_section(const RunReport& report) {
@@ -463,14 +473,16 @@ std::string facts_section(const RunReport& report) {
 
 std::string run_report_html(const RunReport& report) {
   const std::string curves = training_charts(report.log);
-  std::string html = top(report);
-  html += views_section(report);
-  html += metrics_section(report);
-  html += time_section(report);
-  html += cameras_section(report);
+  std::string html = run_heading(report);
   if (!curves.empty())
-    html +=
-        section("Training", "Pale lines are single steps, strong ones their local mean.", curves);
+    html += section(
+        "Training",
+        is_smoothed(report.log) ? "Pale lines are single steps, strong ones their local mean." : "",
+        curves);
+  html += time_section(report);
+  html += metrics_section(report);
+  html += cameras_section(report);
+  html += views_section(report);
   html += notices_section(report);
   html += settings_section(report);
   html += facts_section(report);

@@ -92,11 +92,9 @@ std::vector<size_t> chosen(const std::vector<CameraViews>& cameras,
   return list;
 }
 
-bool has_flow(const ComparedView& view) {
-  const auto known = [](const FlowField& flow) {
-    return std::any_of(flow.valid.begin(), flow.valid.end(), [](uint8_t v) { return v > 0; });
-  };
-  return known(view.flow) && known(view.reference);
+// Whether some pixel has flow.
+bool is_known(const FlowField& flow) {
+  return std::any_of(flow.valid.begin(), flow.valid.end(), [](uint8_t v) { return v > 0; });
 }
 
 // Every n-th pixel of a flow, so that eight large ones fit into memory; its picture is smaller
@@ -151,19 +149,25 @@ void draw_views(Queue& queue, const RunFolder& run, const RunState& state,
         bytes +=
             shown.truth.address.size() + shown.rendered.address.size() + shown.error.address.size();
         if (bytes > kMostPictures) return;
-        const bool flow = has_flow(compared);
         flows.emplace_back();
-        if (flow) flows.back() = {coarse(compared.flow), coarse(compared.reference)};
+        if (is_known(compared.flow)) flows.back().first = coarse(compared.flow);
+        if (is_known(compared.reference)) flows.back().second = coarse(compared.reference);
         report.views.push_back(std::move(shown));
       });
-  for (const auto& [flow, reference] : flows)
-    report.flow_length = std::max(report.flow_length, double(flow_length_above(reference, 0.002)));
-  report.flow_length = std::max(report.flow_length, 1.0);
+  // Scaled by the target flow, which does not depend on the model.
+  double of_model = 1, of_target = 0;
+  for (const auto& [flow, target] : flows) {
+    of_model = std::max(of_model, double(flow_length_above(flow, 0.01)));
+    of_target = std::max(of_target, double(flow_length_above(target, 0.01)));
+  }
+  report.flow_length = of_target > 0 ? std::max(of_target, 1.0) : of_model;
+  const auto drawn = [&](const FlowField& flow) {
+    return is_known(flow) ? picture_of(image_of_flow(flow, float(report.flow_length)), kWidestPart)
+                          : Picture{};
+  };
   for (size_t i = 0; i < flows.size(); ++i) {
-    if (flows[i].first.valid.empty()) continue;
-    const float longest = float(report.flow_length);
-    report.views[i].flow = picture_of(image_of_flow(flows[i].first, longest), kWidestPart);
-    report.views[i].target = picture_of(image_of_flow(flows[i].second, longest), kWidestPart);
+    report.views[i].flow = drawn(flows[i].first);
+    report.views[i].target = drawn(flows[i].second);
   }
 }
 
@@ -192,6 +196,8 @@ RunReport gathered(Queue& queue, const RunFolder& run, const Evaluation& evaluat
   report.version = version;
   report.split = split;
   report.scene = facts_of(loaded);
+  // A video's cameras were found: its scene is a folder of the run.
+  if (report.scene.name == kRunScene) report.scene.name = report.run;
   report.config = state.config;
   report.facts = state.facts;
   report.driver = driver_of(queue.info, state.facts);
