@@ -46,7 +46,8 @@ struct Axis {
 };
 
 Axis linear_axis(double low, double high, double about) {
-  if (!(high > low)) {
+  // Equal values, which may differ by rounding.
+  if (!(high - low > 1e-9 * std::max(std::fabs(low), std::fabs(high)))) {
     const double room = std::max(std::fabs(low) * 0.01, 1e-3);
     low -= room;
     high += room;
@@ -59,7 +60,7 @@ Axis linear_axis(double low, double high, double about) {
 }
 
 Axis log_axis(double low, double high) {
-  if (!(high > low)) low /= 1.5, high *= 1.5;
+  if (!(high > low * 1.01)) low /= 1.5, high *= 1.5;
   Axis axis{low, high, true, {}};
   const bool few = high / low < 100;
   for (double decade = std::pow(10, std::floor(std::log10(low))); decade <= high; decade *= 10)
@@ -259,7 +260,7 @@ std::string line_chart(const LineChart& chart) {
 }
 
 std::string bar_chart(const BarChart& chart) {
-  constexpr double row = 34, thick = 9, room_for_value = 92;
+  constexpr double row = 34, thick = 9, room_for_value = 110;
   Extent extent;
   extent.add(chart.start);
   for (const Bar& bar : chart.bars)

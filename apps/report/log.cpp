@@ -101,7 +101,7 @@ std::string training_charts(const std::vector<LogLine>& log) {
     if (is_used(log, name) && more.series.size() < 8) add_curve(more, log, name, name);
   std::string html;
   for (const LineChart& chart : {loss, psnr, flow, gaussians, more}) html += line_chart(chart);
-  return html.empty() ? "" : "<div class=\"charts\">\n" + html + "</div>\n";
+  return html.empty() ? "" : "<div class=\"charts row\">\n" + html + "</div>\n";
 }
 
 }  // namespace gflow::report

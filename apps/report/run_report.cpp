@@ -337,7 +337,7 @@ std::string time_section(const RunReport& report) {
                              !draws_lines(report) && shares_steps(views)
                                  ? "; the area is the range over views of one step"
                                  : ""),
-                 "<div class=\"charts\">\n" + charts + "</div>\n");
+                 "<div class=\"charts row\">\n" + charts + "</div>\n");
 }
 
 std::string part(const Picture& picture, const std::string& caption, const std::string& alt) {
