@@ -17,6 +17,7 @@
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
 #include "apps/common/version.hpp"
+#include "apps/report/recorded_notices.hpp"
 #include "apps/report/write_run_report.hpp"
 #include "apps/viewer/server.hpp"
 #include "optim/eval/metric_networks.hpp"
@@ -160,7 +161,8 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   TrainExtensions extensions;
   std::unique_ptr<TrainingView> view;
   if (flags.view) view = std::make_unique<TrainingView>(flags, config, device);
-  if (view) extensions.observer = view->observer();
+  report::RecordedNotices notices(view ? view->observer() : nullptr);
+  extensions.observer = &notices;
   const Evaluation evaluation = train_run(queue, config, run, options.quiet,
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
@@ -176,8 +178,8 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
         "The scene has no test views; `gflow eval {} --split train` evaluates all "
         "training views\n",
         run.folder());
-  const std::string report =
-      report::write_run_report(queue, run, evaluation, tested ? "test" : "train", version_text());
+  const std::string report = report::write_run_report(
+      queue, run, evaluation, tested ? "test" : "train", version_text(), notices.sentences());
   if (!report.empty()) print_result("report    {}\n", report);
   if (flags.profile) print_timings(queue);
 }

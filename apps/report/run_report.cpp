@@ -408,7 +408,8 @@ std::string notices_section(const RunReport& report) {
   if (report.notices.empty()) return "";
   std::string items;
   for (const std::string& notice : report.notices) items += "<li>" + escaped(notice) + "</li>\n";
-  return section("Notices", "", "<ul class=\"notes\">\n" + items + "</ul>\n");
+  return section("Notices", "What gflow said while it trained, and about the scene.",
+                 "<ul class=\"notes\">\n" + items + "</ul>\n");
 }
 
 std::string settings_section(const RunReport& report) {

@@ -45,7 +45,7 @@ struct RunReport {
   std::vector<LogLine> log;
   std::vector<ShownView> views;
   double flow_length = 0;            // [px] of the rim of the flow's colour wheel
-  std::vector<std::string> notices;  // about the scene, one sentence each
+  std::vector<std::string> notices;  // of training and scene, one sentence each
 };
 
 // The whole document. The same report gives the same bytes.

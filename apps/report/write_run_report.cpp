@@ -185,7 +185,9 @@ std::string driver_of(const DeviceInfo& device, const RunFacts& facts) {
 }
 
 RunReport gathered(Queue& queue, const RunFolder& run, const Evaluation& evaluation,
-                   const std::string& split, const std::string& version) {
+                   const std::string& split, const std::string& version,
+                   const std::vector<std::string>& notices) {
+  const WarningsTo nowhere([](const std::string&) {});  // they were printed before
   const RunState state = read_run_state(run);
   const LoadedScene loaded =
       load_scene(state.config.scene, run.path("frames"), state.model.shape.origin);
@@ -203,7 +205,10 @@ RunReport gathered(Queue& queue, const RunFolder& run, const Evaluation& evaluat
   report.driver = driver_of(queue.info, state.facts);
   report.evaluation = evaluation;
   report.log = read_log(run.folder());
-  report.notices = loaded.scene.notices;
+  report.notices = notices;
+  for (const std::string& notice : loaded.scene.notices)
+    if (std::find(notices.begin(), notices.end(), notice) == notices.end())
+      report.notices.push_back(notice);
   std::map<std::string, const Frame*> named;
   for (const Frame& frame : frames_of_split(loaded.scene, split)) named[frame.name] = &frame;
   std::vector<const Frame*> frames;
@@ -216,10 +221,12 @@ RunReport gathered(Queue& queue, const RunFolder& run, const Evaluation& evaluat
 }  // namespace
 
 std::string write_run_report(Queue& queue, const RunFolder& run, const Evaluation& evaluation,
-                             const std::string& split, const std::string& version) {
+                             const std::string& split, const std::string& version,
+                             const std::vector<std::string>& notices) {
   const std::string path = run.path(kRunReport);
   try {
-    write_file_atomically(path, run_report_html(gathered(queue, run, evaluation, split, version)));
+    write_file_atomically(
+        path, run_report_html(gathered(queue, run, evaluation, split, version, notices)));
     return path;
   } catch (const Interrupted&) {
     throw;
