@@ -69,7 +69,7 @@ Points curve_of(const std::vector<LogLine>& log, const std::string& name) {
 bool is_smoothed(const std::vector<LogLine>& log) { return log.size() >= kFewestSmoothed; }
 
 std::string training_charts(const std::vector<LogLine>& log) {
-  LineChart loss = chart_of("Loss", "logarithmic", 4);
+  LineChart loss = chart_of("Loss", "logarithmic, lower is better", 4);
   loss.log = true;
   add_curve(loss, log, "loss", "all terms");
   add_curve(loss, log, "l1", "image, L1");
@@ -78,10 +78,10 @@ std::string training_charts(const std::vector<LogLine>& log) {
   add_curve(psnr, log, "psnr", "the step's training image");
   add_curve(psnr, log, "val_psnr", "held-back views", false);
   add_curve(psnr, log, "val_psnr_train", "training views", false);
-  LineChart flow = chart_of("Flow error in training", "px, lower is better", 2);
+  LineChart flow = chart_of("Flow error", "px, lower is better", 2);
   flow.from_zero = true;
   if (is_used(log, "flow_epe")) add_curve(flow, log, "flow_epe", "to target flow");
-  LineChart gaussians = chart_of("Gaussians", "", 0);
+  LineChart gaussians = chart_of("Gaussians", "number", 0);
   gaussians.from_zero = true;
   add_curve(gaussians, log, "num_gaussians", "all", false);
   if (curve_of(log, "num_moving") != curve_of(log, "num_gaussians"))

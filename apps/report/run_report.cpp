@@ -142,7 +142,7 @@ std::string run_heading(const RunReport& report) {
   return fmt::format(
       "<header>\n{}<h1>{}</h1>\n<p class=\"lead\">A moving scene of {} Gaussians{}, trained on {}: "
       "{}{}.</p>\n<p class=\"lead\">{}</p>\n</header>\n{}",
-      brand("report of a training", report.date), escaped(report.scene.name),
+      brand("report of a training", report.date), escaped(report.title),
       report.evaluation.gaussians > 0 ? grouped(double(report.evaluation.gaussians)) : "3D", model,
       images_in_words(report.scene), effort(report),
       report.facts.device.empty() ? "" : " on " + escaped(report.facts.device),
@@ -320,6 +320,12 @@ LineChart chart_over_time(const RunReport& report, const ShownMetric& metric) {
   return chart;
 }
 
+// Whether a line has enough points to show more than its ends.
+bool has_a_course(const LineChart& chart) {
+  return std::any_of(chart.series.begin(), chart.series.end(),
+                     [](const Series& series) { return series.points.size() > 2; });
+}
+
 std::string time_section(const RunReport& report) {
   const std::vector<ViewMetrics>& views = report.evaluation.views;
   const bool several = std::any_of(views.begin(), views.end(), [&](const ViewMetrics& view) {
@@ -330,7 +336,8 @@ std::string time_section(const RunReport& report) {
   for (const ShownMetric& metric : shown_metrics())
     if (metric.value == &ViewMetrics::psnr || metric.value == &ViewMetrics::psnr_dynamic ||
         metric.value == &ViewMetrics::ssim || metric.value == &ViewMetrics::flow_epe_dynamic)
-      charts += line_chart(chart_over_time(report, metric));
+      if (const LineChart chart = chart_over_time(report, metric); has_a_course(chart))
+        charts += line_chart(chart);
   if (charts.empty()) return "";
   return section("Over time",
                  fmt::format("Each {} view at its time step{}.", split_in_words(report.split),
@@ -487,7 +494,7 @@ std::string run_report_html(const RunReport& report) {
   html += notices_section(report);
   html += settings_section(report);
   html += facts_section(report);
-  return page(report.scene.name + ", report of gflow", html);
+  return page(report.title + ", report of gflow", html);
 }
 
 }  // namespace gflow::report

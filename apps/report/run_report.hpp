@@ -33,6 +33,7 @@ struct CameraViews {
 };
 
 struct RunReport {
+  std::string title;           // of the page
   std::string run;             // name of the run folder
   std::string date, version;   // today; the program's
   std::string driver;          // of the device, empty if unknown

@@ -25,7 +25,7 @@ namespace {
 
 constexpr size_t kMostViews = 8;
 constexpr int kWidest = 640, kWidestPart = 400;    // [px]
-constexpr size_t kMostPictures = size_t{2800000};  // [bytes] of all pictures, as text
+constexpr size_t kMostPictures = size_t{2200000};  // [bytes] of images, renders, errors, as text
 
 SceneFacts facts_of(const LoadedScene& loaded) {
   const Scene& scene = loaded.scene;
@@ -116,10 +116,10 @@ void draw_views(Queue& queue, const RunFolder& run, const RunState& state,
                 const LoadedScene& loaded, const std::vector<const Frame*>& frames,
                 RunReport& report) {
   const std::vector<size_t> some = chosen(report.cameras, report.evaluation.views);
-  std::vector<Frame> wanted;
-  for (const Frame* frame : frames) wanted.push_back(*frame);
+  // Of all frames, so that flow leads to the next time step.
   const std::vector<RenderView> all =
-      split_views(loaded.scene, wanted, loaded.frames->cameras(), report.split);
+      split_views(loaded.scene, frames_of_split(loaded.scene, report.split),
+                  loaded.frames->cameras(), report.split);
   std::vector<RenderView> views;
   for (const size_t i : some)
     for (const RenderView& view : all)
@@ -198,8 +198,8 @@ RunReport gathered(Queue& queue, const RunFolder& run, const Evaluation& evaluat
   report.version = version;
   report.split = split;
   report.scene = facts_of(loaded);
-  // A video's cameras were found: its scene is a folder of the run.
-  if (report.scene.name == kRunScene) report.scene.name = report.run;
+  // A folder called scene says nothing; that of a video whose cameras were found is in the run.
+  report.title = report.scene.name == kRunScene ? report.run : report.scene.name;
   report.config = state.config;
   report.facts = state.facts;
   report.driver = driver_of(queue.info, state.facts);

@@ -28,7 +28,7 @@ ViewMetrics view_of(const std::string& name, int step, double psnr) {
 // Two cameras with three steps each, without flow.
 RunReport small_report() {
   RunReport report;
-  report.run = "run";
+  report.title = report.run = "run";
   report.date = "2026-01-31";
   report.version = "0";
   report.scene = {"scene", "n3v", 30, 10, 10, 3, 64, 48};
@@ -130,8 +130,8 @@ TEST(RunReport, ShowsFlowBesideTargetFlowOnlyWhereThereIsFlow) {
 TEST(RunReport, ShowsHostileNamesAsText) {
   const std::string hostile = "<script>alert('&\"')</script>\xff\x1b";
   RunReport report = small_report();
-  report.scene.name = report.run = report.facts.device = report.facts.motion = report.driver =
-      hostile;
+  report.title = report.scene.name = report.run = report.facts.device = report.facts.motion =
+      report.driver = hostile;
   report.cameras[0].name = report.evaluation.views[0].name = report.views[0].metrics.name = hostile;
   report.scene.layout = report.version = report.date = hostile;
   report.notices = {hostile};
@@ -149,7 +149,7 @@ TEST(RunReport, DrawsTheRangeOfManyCameras) {
   report.evaluation.views.clear();
   for (int camera = 0; camera < 9; ++camera) {
     report.cameras.push_back({"cam" + std::to_string(camera), {}});
-    for (int step = 0; step < 2; ++step) {
+    for (int step = 0; step < 3; ++step) {
       report.cameras.back().views.push_back(report.evaluation.views.size());
       report.evaluation.views.push_back(view_of("v", step, 20 + camera));
     }
