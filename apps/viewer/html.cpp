@@ -13,6 +13,7 @@
 #include <sstream>
 #include <vector>
 
+#include "runtime/base/base64.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/files/json_text.hpp"
 
@@ -149,21 +150,6 @@ std::string bundled(const std::map<std::string, std::string>& files, const std::
   Bundle bundle{files, {}, {}, {}};
   bundle.add(entry, true);
   return bundle.text;
-}
-
-std::string base64(const std::string& bytes) {
-  constexpr const char* letters =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (size_t i = 0; i < bytes.size(); i += 3) {
-    uint32_t three = 0;
-    for (size_t k = 0; k < 3; ++k)
-      three = three << 8 | (i + k < bytes.size() ? uint8_t(bytes[i + k]) : 0);
-    for (size_t k = 0; k < 4; ++k)
-      text += i + k > bytes.size() ? '=' : letters[three >> (18 - 6 * k) & 63];
-  }
-  return text;
 }
 
 std::string deflated_raw(const std::string& bytes) {

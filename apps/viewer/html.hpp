@@ -21,8 +21,6 @@ std::string bundled(const std::map<std::string, std::string>& files, const std::
 std::string page_with_model(const std::map<std::string, std::string>& files,
                             const std::string& model, const nlohmann::ordered_json& info);
 
-// Base64 with padding (RFC 4648).
-std::string base64(const std::string& bytes);
 // A raw deflate stream (RFC 1951).
 std::string deflated_raw(const std::string& bytes);
 
