@@ -10,6 +10,7 @@
 #include "apps/common/options.hpp"
 #include "apps/common/output_path.hpp"
 #include "optim/cameras/find_cameras.hpp"
+#include "runtime/base/output.hpp"
 
 namespace gflow {
 namespace {
@@ -35,6 +36,7 @@ void run_cameras(const CamerasFlags& flags, const GlobalOptions& global) {
   how.method = value_named<CameraMethod>(flags.method);
   how.quiet = global.quiet;
   find_cameras(load_video(flags.scene), flags.scene, how, flags.output);
+  print_result("next      gflow train {} -o RUN\n", flags.output);
 }
 
 }  // namespace

@@ -5,12 +5,15 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 
 #include "apps/common/command_line.hpp"
 #include "apps/common/model_source.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
+#include "apps/common/version.hpp"
+#include "apps/report/write_run_report.hpp"
 #include "optim/runs/evaluate_run.hpp"
 #include "runtime/base/output.hpp"
 
@@ -91,6 +94,13 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
       return;
     }
     print_result("metrics   {}\n", fmt::join(evaluated.written, ", "));
+    // The report is of the latest model's test views, or of training views if there are no others.
+    const bool is_latest = flags->iteration == latest_iteration;
+    const bool tested = std::filesystem::exists(run.path("results.json"));
+    if (!is_latest || flags->split != (tested ? "test" : "train")) return;
+    const std::string report =
+        report::write_run_report(queue, run, evaluated.evaluation, flags->split, version_text());
+    if (!report.empty()) print_result("report    {}\n", report);
   });
 }
 

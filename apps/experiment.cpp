@@ -11,8 +11,10 @@
 #include "apps/common/command_line.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/signals.hpp"
+#include "apps/common/version.hpp"
 #include "apps/experiments/runs.hpp"
 #include "apps/experiments/table.hpp"
+#include "apps/report/experiment_report.hpp"
 #include "optim/train/guidance_provider.hpp"
 #include "runtime/base/output.hpp"
 #include "runtime/base/progress.hpp"
@@ -103,8 +105,11 @@ void write_everything(const Plan& plan, const std::string& folder) {
   print_result("\ntables    {0}/table.md, .csv, .json, {0}/costs.md, {0}/runs.csv\n", folder);
   if (!plots.empty())
     print_result("plots     {}\n", plots.compare(0, 3, "run") == 0 ? plots : folder + "/plots");
-  for (const std::string& sheet : write_contact_sheets(plan, folder))
-    print_result("images    {}\n", sheet);
+  const std::vector<std::string> sheets = write_contact_sheets(plan, folder);
+  for (const std::string& sheet : sheets) print_result("images    {}\n", sheet);
+  const std::string report =
+      report::write_experiment_report(plan, table, folder, sheets, version_text());
+  if (!report.empty()) print_result("report    {}\n", report);
 }
 
 // NoUsableDevice where a device that a training needs is missing or unusable. Checked once here:

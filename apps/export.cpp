@@ -23,6 +23,7 @@
 #include "optim/formats/four_dgs.hpp"
 #include "optim/images/movie.hpp"
 #include "optim/model/linear_pieces.hpp"
+#include "optim/model/selection.hpp"
 #include "optim/model/slice.hpp"
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/cameras_json.hpp"
@@ -43,6 +44,9 @@ struct ExportFlags {
   int steps = 0, iteration = latest_iteration;
   double fps = 0;
   Undrawable undrawable = Undrawable::left_out;
+  Selection selection;
+  std::vector<double> crop;
+  bool compact = false;
 };
 
 // The output format: given by the extension of the name, which --format must not contradict.
@@ -239,6 +243,23 @@ double near_of(const RunFolder& run) {
   return fs::exists(file) ? read_cameras_json(file, 1)[0].near : 0;
 }
 
+// The times at which a Gaussian must be selected, one at least.
+std::vector<double> selecting_times(const ExportFlags& flags, const ModelSource& source) {
+  if (flags.format == "ply" || flags.format == "splat") return {single_time(flags)};
+  const std::optional<Scene> scene = scene_of(source);
+  if (flags.format != "splatv") return sequence_times(flags, scene);
+  return scene ? step_times(*scene) : parse_times("0:1:40");
+}
+
+void select_gaussians(const ExportFlags& flags, ModelSource& source, const GlobalOptions& options) {
+  if (flags.selection.is_everything()) return;
+  const size_t whole = source.model.count;
+  Queue queue = open_queue(options);
+  source.model = selected(queue, source.model, flags.selection, selecting_times(flags, source));
+  require_some_left(source.model, whole, source.path);
+  print_result("selected  {} of {} Gaussians\n", source.model.count, whole);
+}
+
 // Frees the host copy of the model once the device has it; only its shape remains.
 void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOptions& options) {
   HostModel& host = source.model;
@@ -280,15 +301,32 @@ void export_html(const ExportFlags& flags, const GlobalOptions& options) {
   require_no_times(flags);
   ViewDevice device([&] { return std::unique_ptr<Queue>(new Queue(open_queue(options))); });
   ViewSource source(flags.model, flags.iteration, flags.undrawable, device);
-  const std::string model = *source.model(ViewPrecision::half).bytes;
-  const std::string page = page_with_model(page_files(), model, source.info_of_file());
+  const ViewSource::FileModel model = source.model_of_file(flags.selection, flags.compact);
+  const std::string page = page_with_model(page_files(), model.bytes, source.info_of_file());
   write_file_atomically(flags.output, page);
-  print_result("written   {}, {:.1f} MB; open it in a browser\n", flags.output,
-               double(page.size()) / 1e6);
+  print_result("written   {}, {} of {} Gaussians, {:.1f} MB; open it in a browser\n", flags.output,
+               model.count, model.whole, double(page.size()) / 1e6);
+  if (flags.compact)
+    print_result("rounded   its pictures have a PSNR of {:.1f} dB against the model's\n",
+                 model.psnr);
+}
+
+// --crop in the selection. Error if the box is empty.
+void set_crop(ExportFlags& flags) {
+  if (flags.crop.empty()) return;
+  auto& box = flags.selection.crop.emplace();
+  std::copy(flags.crop.begin(), flags.crop.end(), box.begin());
+  for (size_t k = 0; k < 3; ++k)
+    if (!(box[k] < box[3 + k]))
+      throw Error(fmt::format("--crop has least x y z first: {} from {} to {} is empty", "xyz"[k],
+                              box[k], box[3 + k]));
 }
 
 void run_export(ExportFlags flags, const GlobalOptions& options) {
   flags.format = format_of(flags);
+  set_crop(flags);
+  if (flags.compact && flags.format != "html")
+    throw Error(fmt::format("--compact is for html files; {} has digits of its own", flags.format));
   if (flags.format == "ply-sequence")
     require_no_folder_of_run(flags.output);
   else
@@ -299,6 +337,7 @@ void run_export(ExportFlags flags, const GlobalOptions& options) {
   }
   ModelSource source = model_source(flags.model, flags.iteration, flags.undrawable);
   require_other_file(flags.output, source.path);
+  select_gaussians(flags, source, options);
   export_model(flags, source, options);
   const auto& [x, y, z] = source.model.shape.origin;
   const bool restored = flags.format == "ply" || flags.format == "ply-sequence";
@@ -353,6 +392,25 @@ void add_export(CLI::App& app, const GlobalOptions& options) {
       ->add_option("--fps", flags->fps,
                    "4dgs: time steps per second; 0: as in the run's scene, else 24")
       ->check(zero_or_in(slowest_fps, fastest_fps));
+  command
+      ->add_option("--min-opacity", flags->selection.min_opacity,
+                   "Only Gaussians whose greatest opacity over time is at least this")
+      ->check(number_in(0, 1));
+  command
+      ->add_option(
+          "--max-size", flags->selection.max_size,
+          "Only Gaussians whose longest standard deviation is at most this, in scene units; "
+          "0: any")
+      ->check(number_in(0, 1e15));
+  command
+      ->add_option("--crop", flags->crop,
+                   "Only Gaussians with their centre in this box of world coordinates at one of "
+                   "the times: least x y z, greatest x y z")
+      ->expected(6)
+      ->type_name("NUMBERS");
+  command->add_flag(
+      "--compact", flags->compact,
+      "html: rounds the numbers of the model, for a smaller file, and prints the loss");
   add_iteration(*command, flags->iteration);
   add_strict(*command, flags->undrawable);
   command->callback([flags, &options] { run_export(*flags, options); });

@@ -16,6 +16,9 @@
 #include "apps/common/compile_ahead.hpp"
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
+#include "apps/common/version.hpp"
+#include "apps/report/recorded_notices.hpp"
+#include "apps/report/write_run_report.hpp"
 #include "apps/viewer/server.hpp"
 #include "optim/eval/metric_networks.hpp"
 #include "optim/options/quality.hpp"
@@ -158,7 +161,8 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   TrainExtensions extensions;
   std::unique_ptr<TrainingView> view;
   if (flags.view) view = std::make_unique<TrainingView>(flags, config, device);
-  if (view) extensions.observer = view->observer();
+  report::RecordedNotices notices(view ? view->observer() : nullptr);
+  extensions.observer = &notices;
   const Evaluation evaluation = train_run(queue, config, run, options.quiet,
                                           flags.resume      ? Start::resume
                                           : flags.overwrite ? Start::overwrite
@@ -166,13 +170,17 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
                                           extensions);
   print_report(evaluation, run.read_facts());
   print_result("model     {}\n", run.model_path(run.models().at(0)));
-  if (std::filesystem::exists(run.path("results.json")))
+  const bool tested = std::filesystem::exists(run.path("results.json"));
+  if (tested)
     print_result("metrics   {}, {}\n", run.path("results.json"), run.path("per_view.json"));
   else
     print_result(
         "The scene has no test views; `gflow eval {} --split train` evaluates all "
         "training views\n",
         run.folder());
+  const std::string report = report::write_run_report(
+      queue, run, evaluation, tested ? "test" : "train", version_text(), notices.sentences());
+  if (!report.empty()) print_result("report    {}\n", report);
   if (flags.profile) print_timings(queue);
 }
 

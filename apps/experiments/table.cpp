@@ -57,6 +57,21 @@ std::string markdown_line(const Words& words) {
   return line + "\n";
 }
 
+std::string markdown_of(const Table& table) {
+  std::string text = markdown_line(table.head) + markdown_line(Words(table.head.size(), "---"));
+  for (const Table::Row& row : table.rows) {
+    Words words = row.names;
+    for (const Table::Entry& entry : row.entries) {
+      std::string word = entry.best ? "**" + entry.value + "**" : entry.value;
+      if (!entry.spread.empty()) word += " ± " + entry.spread;
+      if (!entry.difference.empty()) word += " (" + entry.difference + ")";
+      words.push_back(word);
+    }
+    text += markdown_line(words);
+  }
+  return text;
+}
+
 // Quotes a text for a gnuplot script.
 std::string quoted(const std::string& text) {
   std::string safe = "'";
@@ -200,20 +215,19 @@ std::vector<Results::Line> Results::lines_of(const std::vector<Metric>& metrics)
   return lines;
 }
 
-std::string Results::markdown_of(const std::vector<Metric>& metrics, bool marks) const {
+Table Results::table_of(const std::vector<Metric>& metrics, bool marks) const {
   const std::vector<Line> lines = lines_of(metrics);
-  Words head{"scene"};
-  head.insert(head.end(), plan_.axes.begin(), plan_.axes.end());
-  for (const Metric& metric : metrics) head.push_back(metric.label);
-  std::string text = markdown_line(head) + markdown_line(Words(head.size(), "---"));
+  Table table;
+  table.head = {"scene"};
+  table.head.insert(table.head.end(), plan_.axes.begin(), plan_.axes.end());
+  for (const Metric& metric : metrics) table.head.push_back(metric.label);
   for (const Line& line : lines) {
-    Words words{line.row.scene};
-    words.insert(words.end(), line.row.choices.begin(), line.row.choices.end());
+    Table::Row row{{line.row.scene}, {}};
+    row.names.insert(row.names.end(), line.row.choices.begin(), line.row.choices.end());
     for (size_t m = 0; m < metrics.size(); ++m) {
       const Metric& metric = metrics[m];
       const Cell& cell = line.cells[m];
       const double mean = cell.mean();
-      std::string word = cell.no_model ? no_model : digits(mean, metric.digits);
       double best = mean, base = std::nan("");
       int others = 0;
       for (const Line& other : lines) {
@@ -223,20 +237,21 @@ std::string Results::markdown_of(const std::vector<Metric>& metrics, bool marks)
         best = metric.better == Better::lower ? std::min(best, value) : std::max(best, value);
         if (is_baseline(plan_, other.row)) base = value;
       }
-      if (marks && others > 1 && mean == best && metric.better != Better::neither)
-        word = "**" + word + "**";
-      if (cell.values.size() > 1) word += " ± " + digits(cell.spread(), metric.digits);
+      Table::Entry entry;
+      entry.value = cell.no_model ? no_model : digits(mean, metric.digits);
+      entry.best = marks && others > 1 && mean == best && metric.better != Better::neither;
+      if (cell.values.size() > 1) entry.spread = digits(cell.spread(), metric.digits);
       if (marks && metric.better != Better::neither && !is_baseline(plan_, line.row) &&
           !std::isnan(base - mean))
-        word += fmt::format(" ({:+.{}f})", mean - base, metric.digits);
-      words.push_back(word);
+        entry.difference = fmt::format("{:+.{}f}", mean - base, metric.digits);
+      row.entries.push_back(std::move(entry));
     }
-    text += markdown_line(words);
+    table.rows.push_back(std::move(row));
   }
-  return text;
+  return table;
 }
 
-std::string Results::markdown() const {
+std::string Results::summary() const {
   size_t finished = 0;
   std::set<std::string> devices;
   for (const nlohmann::json& result : results_) {
@@ -249,21 +264,26 @@ std::string Results::markdown() const {
         member_or(results_[i]["test"], "trained_on", false))
       seen.insert(plan_.rows[plan_.runs[i].row].scene);
   return fmt::format(
-      "# {}\n\n{} of {} runs{}. Means{}.{}\n\n{}", plan_.title, finished, plan_.runs.size(),
+      "{} of {} runs{}. Means{}.{}", finished, plan_.runs.size(),
       devices.empty() ? "" : fmt::format(", on {}", fmt::join(devices, " and ")),
       plan_.runs.size() > plan_.rows.size() ? " ± standard deviation over seeds" : " of one seed",
       seen.empty()
           ? ""
           : fmt::format(" The test views of {} were used for training: they are not novel views.",
-                        fmt::join(seen, ", ")),
-      markdown_of(metrics_, true));
+                        fmt::join(seen, ", ")));
 }
 
-std::string Results::costs() const {
-  return markdown_of({metric_named("minutes"), metric_named("memory"), metric_named("gaussians"),
-                      metric_named("steps")},
-                     false);
+std::string Results::markdown() const {
+  return fmt::format("# {}\n\n{}\n\n{}", plan_.title, summary(), markdown_of(table()));
 }
+
+Table Results::cost_table() const {
+  return table_of({metric_named("minutes"), metric_named("memory"), metric_named("gaussians"),
+                   metric_named("steps")},
+                  false);
+}
+
+std::string Results::costs() const { return markdown_of(cost_table()); }
 
 std::string Results::csv() const {
   Words head{"scene"};

@@ -23,6 +23,21 @@ struct Cell {
   double spread() const;       // standard deviation over the runs (n - 1); NaN for fewer than two
 };
 
+// A table to be written as Markdown or for a page.
+struct Table {
+  struct Entry {
+    std::string value;               // "-" without one
+    std::string spread, difference;  // over seeds, and to the baseline; may be empty
+    bool best = false;               // among the rows that it is compared with
+  };
+  struct Row {
+    std::vector<std::string> names;  // scene, then one choice per axis
+    std::vector<Entry> entries;      // one per metric
+  };
+  std::vector<std::string> head;  // of the names, then of the metrics
+  std::vector<Row> rows;
+};
+
 class Results {
  public:
   Results(const Plan& plan, std::vector<nlohmann::json> results);
@@ -31,11 +46,18 @@ class Results {
   // scenes of each seed that all scenes have, and the spread of these means. Among rows with the
   // same baseline the best value is bold; brackets contain the difference to the baseline.
   std::string markdown() const;
+  // Its rows, and the sentences above them.
+  Table table() const { return table_of(metrics_, true); }
+  std::string summary() const;
   // The same for training costs.
   std::string costs() const;
+  Table cost_table() const;
   std::string csv() const;       // means and spreads, one line per row
   std::string runs_csv() const;  // every metric of every run
   nlohmann::ordered_json json() const;
+
+  // The metrics of the table.
+  const std::vector<Metric>& metrics() const { return metrics_; }
 
   // Bar plots of a metric over all rows with their spread, scene by scene.
   std::vector<Plot> bars() const;
@@ -47,7 +69,8 @@ class Results {
     Row row;
     std::vector<Cell> cells;  // one per metric of `metrics_`
   };
-  std::string markdown_of(const std::vector<Metric>& metrics, bool marks) const;
+  // marks: whether the best value and differences to the baseline are marked.
+  Table table_of(const std::vector<Metric>& metrics, bool marks) const;
   std::vector<Line> lines_of(const std::vector<Metric>& metrics) const;
 
   const Plan& plan_;

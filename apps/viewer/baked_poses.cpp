@@ -73,6 +73,46 @@ float opacity_by_life(const HostGroups& groups, size_t i, float t, float sigmas)
   return float(life_at(groups.at("logit_opacities")[i], dt, double(life) * life).opacity);
 }
 
+// Distance of row `at` of [times, rows, width] from between the rows at `from` and `to`.
+double off_the_line(const std::vector<float>& values, size_t width, size_t from, size_t at,
+                    size_t to, double share, bool unit) {
+  double line[4], norm = 0, squares = 0;
+  for (size_t c = 0; c < width; ++c) {
+    line[c] = (1 - share) * double(values[from + c]) + share * double(values[to + c]);
+    norm += line[c] * line[c];
+  }
+  norm = unit ? std::sqrt(norm) : 1;
+  for (size_t c = 0; c < width; ++c)
+    squares += std::pow(line[c] / norm - double(values[at + c]), 2);
+  return std::sqrt(squares);
+}
+
+// Errors of the poses that every k-th time leaves out, of each Gaussian and time.
+std::vector<float> errors_of_stride(const BakedPoses& poses, const std::vector<double>& sizes,
+                                    size_t stride) {
+  const size_t steps = poses.times.size(), m = poses.moving,
+               n = poses.opacities.size() / std::max<size_t>(steps, 1);
+  std::vector<float> errors;
+  for (size_t k = 0; k < steps; ++k) {
+    const size_t from = k / stride * stride, to = std::min(from + stride, steps - 1);
+    if (k == from || k == to) continue;
+    const double share =
+        (poses.times[k] - poses.times[from]) / (poses.times[to] - poses.times[from]);
+    const auto off = [&](const std::vector<float>& values, size_t rows, size_t width, size_t i,
+                         bool unit = false) {
+      if (values.empty()) return 0.0;
+      const auto at = [&](size_t step) { return (step * rows + i) * width; };
+      return off_the_line(values, width, at(from), at(k), at(to), share, unit);
+    };
+    for (size_t i = 0; i < m; ++i)
+      errors.push_back(
+          float(std::max({off(poses.means, m, 3, i) / sizes[i], 2 * off(poses.quats, m, 4, i, true),
+                          off(poses.log_scales, m, 3, i)})));
+    for (size_t i = 0; i < n; ++i) errors.push_back(float(off(poses.opacities, n, 1, i)));
+  }
+  return errors;
+}
+
 }  // namespace
 
 bool needs_poses(const HostModel& model) {
@@ -88,6 +128,38 @@ std::vector<double> times_within(const std::vector<double>& times, size_t moving
   std::vector<double> chosen;
   for (size_t k = 0; k < count; ++k) chosen.push_back(times[k * (times.size() - 1) / (count - 1)]);
   return chosen;
+}
+
+BakedPoses thinned(const BakedPoses& poses, const HostModel& model, double tolerance) {
+  const size_t steps = poses.times.size();
+  std::vector<double> sizes;
+  for (size_t i = 0; i < poses.moving; ++i)
+    sizes.push_back(std::max(longest_scale(model, i), 1e-30));
+  size_t stride = 1;
+  for (size_t next = 2; next < steps; ++next) {
+    std::vector<float> errors = errors_of_stride(poses, sizes, next);
+    if (errors.empty()) break;
+    const auto worst = errors.begin() + long(0.95 * double(errors.size() - 1));
+    std::nth_element(errors.begin(), worst, errors.end());
+    if (!(double(*worst) <= tolerance)) break;
+    stride = next;
+  }
+  BakedPoses left;
+  left.moving = poses.moving;
+  for (size_t k = 0; k < steps; k = k + 1 == steps ? steps : std::min(k + stride, steps - 1)) {
+    left.times.push_back(poses.times[k]);
+    const auto keep = [&](std::vector<float> BakedPoses::*member) {
+      const std::vector<float>& all = poses.*member;
+      const size_t row = all.size() / steps;
+      const auto first = all.begin() + long(k * row);
+      (left.*member).insert((left.*member).end(), first, first + long(row));
+    };
+    keep(&BakedPoses::means);
+    keep(&BakedPoses::quats);
+    keep(&BakedPoses::log_scales);
+    keep(&BakedPoses::opacities);
+  }
+  return left;
 }
 
 FactorPose pose_of_factor(const float* factor, const FactorPose* before) {

@@ -11,12 +11,11 @@ namespace gflow {
 // linearly, quaternions followed by a normalisation: scales keep their order and quaternions their
 // sign from one time to the next.
 struct BakedPoses {
-  std::vector<double> times;  // scene times, ascending
-  size_t moving = 0;          // M
-  std::vector<float> means;   // [times, M, 3]
-  std::vector<float> quats;   // [times, M, 4] unit, w x y z
-  std::vector<float>
-      log_scales;  // [times, M, 3]; empty if they are those of the model at all times
+  std::vector<double> times;      // scene times, ascending
+  size_t moving = 0;              // M
+  std::vector<float> means;       // [times, M, 3]
+  std::vector<float> quats;       // [times, M, 4] unit, w x y z
+  std::vector<float> log_scales;  // [times, M, 3]; empty if they are those of the model
   // [times, N] of all Gaussians; empty if they follow from means_t, lifetime and logit as in
   // kernels/shared/motion/life.h, which is so in all of gflow's own models.
   std::vector<float> opacities;
@@ -30,6 +29,11 @@ bool needs_poses(const HostModel& model);
 std::vector<double> times_within(const std::vector<double>& times, size_t moving, size_t most);
 
 BakedPoses bake_poses(Queue& queue, const HostModel& model, const std::vector<double>& times);
+
+// Every k-th of the times and the last one, for the largest k with which 95 % of the poses left out
+// are those between their neighbours, within `tolerance`: in means relative to the longest scale,
+// in radians, log scales and opacities.
+BakedPoses thinned(const BakedPoses& poses, const HostModel& model, double tolerance);
 
 // Rotation and scales of a Gaussian from the factor of its covariance.
 struct FactorPose {

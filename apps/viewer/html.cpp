@@ -13,6 +13,7 @@
 #include <sstream>
 #include <vector>
 
+#include "runtime/base/base64.hpp"
 #include "runtime/base/error.hpp"
 #include "runtime/files/json_text.hpp"
 
@@ -20,6 +21,23 @@ namespace gflow {
 namespace {
 
 constexpr const char* kWorker = "sort.worker.js";
+
+// Unpacks the scripts of a page and starts them; gflow-worker is what the page starts as its
+// worker.
+constexpr const char* kStart = R"(try {
+const packed = Uint8Array.from(atob(document.getElementById('gflow-scripts').textContent), (c) => c.charCodeAt(0));
+const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate-raw'));
+const scripts = await new Response(stream).json();
+for (const [type, text, id] of [['text/plain', scripts.worker, 'gflow-worker'], ['module', scripts.page, '']])
+document.body.append(Object.assign(document.createElement('script'), { type, id, textContent: text }));
+} catch (error) {
+const message = document.getElementById('message');
+message.textContent = typeof DecompressionStream === 'undefined'
+? 'This browser is too old to unpack the scene (DecompressionStream is missing). A newer version can.'
+: `The file is truncated or damaged: ${error.message}`;
+message.hidden = false;
+}
+)";
 
 // A module without the words import and export.
 struct Module {
@@ -115,6 +133,13 @@ std::string json_inside_element(const nlohmann::ordered_json& json) {
   return text;
 }
 
+std::string packed_element(const std::string& id, const std::string& bytes) {
+  return fmt::format(
+      "<script type=\"application/octet-stream\" id=\"{}\" data-encoding=\"deflate-raw\">{}"
+      "</script>\n",
+      id, base64(deflated_raw(bytes)));
+}
+
 void replace_first(std::string& page, const std::string& from, const std::string& to) {
   page.replace(page.find(from), from.size(), to);
 }
@@ -125,21 +150,6 @@ std::string bundled(const std::map<std::string, std::string>& files, const std::
   Bundle bundle{files, {}, {}, {}};
   bundle.add(entry, true);
   return bundle.text;
-}
-
-std::string base64(const std::string& bytes) {
-  constexpr const char* letters =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (size_t i = 0; i < bytes.size(); i += 3) {
-    uint32_t three = 0;
-    for (size_t k = 0; k < 3; ++k)
-      three = three << 8 | (i + k < bytes.size() ? uint8_t(bytes[i + k]) : 0);
-    for (size_t k = 0; k < 4; ++k)
-      text += i + k > bytes.size() ? '=' : letters[three >> (18 - 6 * k) & 63];
-  }
-  return text;
 }
 
 std::string deflated_raw(const std::string& bytes) {
@@ -177,16 +187,14 @@ std::string page_with_model(const std::map<std::string, std::string>& files,
   if (!std::regex_search(page, found, entry_line))
     throw Error("the viewer's index.html names no module");
   const std::string script = found[0], entry = found[1];
-  std::string parts = fmt::format(
-      "<script type=\"application/json\" id=\"gflow-info\">{}</script>\n"
-      "<script type=\"application/octet-stream\" id=\"gflow-model\" "
-      "data-encoding=\"deflate-raw\">{}</script>\n",
-      json_inside_element(info), base64(deflated_raw(model)));
-  if (files.count(kWorker))
-    parts += fmt::format("<script type=\"text/plain\" id=\"gflow-worker\">\n{}</script>\n",
-                         inside_element(slim(bundled(files, kWorker))));
-  parts += fmt::format("<script type=\"module\">\n{}</script>",
-                       inside_element(slim(bundled(files, entry))));
+  const auto script_of = [&](const std::string& file) { return slim(bundled(files, file)); };
+  const nlohmann::ordered_json scripts{{"worker", files.count(kWorker) ? script_of(kWorker) : ""},
+                                       {"page", script_of(entry)}};
+  const std::string parts = fmt::format(
+      "<script type=\"application/json\" id=\"gflow-info\">{}</script>\n{}{}"
+      "<script type=\"module\">\n{}</script>",
+      json_inside_element(info), packed_element("gflow-model", model),
+      packed_element("gflow-scripts", json_text(scripts)), inside_element(kStart));
   replace_first(page, style, "<style>\n" + inside_element(slim(files.at(css))) + "</style>");
   replace_first(page, script, parts);
   return page;

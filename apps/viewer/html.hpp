@@ -16,12 +16,11 @@ std::string bundled(const std::map<std::string, std::string>& files, const std::
 // index.html of `files` with its style, its modules, the worker sort.worker.js, and the model:
 //   <script type="application/json" id="gflow-info">
 //   <script type="application/octet-stream" id="gflow-model" data-encoding="deflate-raw">  base64
-//   <script type="text/plain" id="gflow-worker">
+//   <script type="application/octet-stream" id="gflow-scripts" data-encoding="deflate-raw">  base64
+//     of {"worker": text of the element gflow-worker, "page": module}, which the page adds to itself
 std::string page_with_model(const std::map<std::string, std::string>& files,
                             const std::string& model, const nlohmann::ordered_json& info);
 
-// Base64 with padding (RFC 4648).
-std::string base64(const std::string& bytes);
 // A raw deflate stream (RFC 1951).
 std::string deflated_raw(const std::string& bytes);
 

@@ -30,28 +30,27 @@ class ArrayWriter {
     for (const float x : values) halves.push_back(Eigen::half(std::clamp(x, -65504.f, 65504.f)).x);
     append(name, shape, "float16", halves);
   }
-  // Poses, [times, N, columns]: whole numbers from the least to the greatest value of each column,
-  // as second differences over time, which compress to a third.
-  void put_pose(const std::string& name, const Shape& shape, const std::vector<float>& values) {
+  // Poses, [times, N, columns]: whole multiples of `step`, or if their range exceeds 16 bits, of a
+  // larger one, as differences over time, which compress to a third.
+  void put_pose(const std::string& name, const Shape& shape, const std::vector<float>& values,
+                double step) {
     if (precision_ == ViewPrecision::full || values.empty()) return put(name, shape, values);
-    constexpr int kDifferences = 2;
     const size_t width = shape.back(), row = values.size() / shape[0];
     std::vector<double> least(width, INFINITY), most(width, -INFINITY), scale(width);
     for (size_t i = 0; i < values.size(); ++i) {
       least[i % width] = std::min(least[i % width], double(values[i]));
       most[i % width] = std::max(most[i % width], double(values[i]));
     }
-    for (size_t c = 0; c < width; ++c) scale[c] = std::max((most[c] - least[c]) / 65535, 1e-30);
+    for (size_t c = 0; c < width; ++c) scale[c] = std::max((most[c] - least[c]) / 65535, step);
     std::vector<uint16_t> whole;
     whole.reserve(values.size());
     for (size_t i = 0; i < values.size(); ++i)
       whole.push_back(uint16_t(std::lround((values[i] - least[i % width]) / scale[i % width])));
-    for (int k = 0; k < kDifferences; ++k)
-      for (size_t i = whole.size(); i-- > row;) whole[i] = uint16_t(whole[i] - whole[i - row]);
+    for (size_t i = whole.size(); i-- > row;) whole[i] = uint16_t(whole[i] - whole[i - row]);
     append(name, shape, "uint16", whole);
     entries_[name]["scale"] = scale;
     entries_[name]["shift"] = least;
-    entries_[name]["differences"] = kDifferences;
+    entries_[name]["differences"] = 1;
   }
 
   const Json& entries() const { return entries_; }
@@ -112,13 +111,25 @@ void put_keys(ArrayWriter& arrays, const HostModel& model, const std::string& na
   arrays.put(name, {keys, m, width}, values);
 }
 
-void put_poses(ArrayWriter& arrays, const BakedPoses& poses, size_t count) {
+// Median of the longest scales of dynamic Gaussians [scene units]; > 0.
+double usual_size(const HostModel& model) {
+  std::vector<double> sizes;
+  for (size_t i = 0; i < model.num_moving(); ++i) sizes.push_back(longest_scale(model, i));
+  if (sizes.empty()) return 1;
+  std::nth_element(sizes.begin(), sizes.begin() + long(sizes.size() / 2), sizes.end());
+  return std::max(sizes[sizes.size() / 2], 1e-30);
+}
+
+// Rounded by what moves the surface of a usual Gaussian by 1/64 of its size.
+void put_poses(ArrayWriter& arrays, const HostModel& model, const BakedPoses& poses) {
+  constexpr double kStep = 1.0 / 32;
   const size_t steps = poses.times.size(), m = poses.moving;
-  arrays.put_pose("pose_means", {steps, m, 3}, poses.means);
-  arrays.put_pose("pose_quats", {steps, m, 4}, poses.quats);
+  arrays.put_pose("pose_means", {steps, m, 3}, poses.means, kStep * usual_size(model));
+  arrays.put_pose("pose_quats", {steps, m, 4}, poses.quats, kStep / 16);
   if (!poses.log_scales.empty())
-    arrays.put_pose("pose_log_scales", {steps, m, 3}, poses.log_scales);
-  if (!poses.opacities.empty()) arrays.put_pose("pose_opacities", {steps, count}, poses.opacities);
+    arrays.put_pose("pose_log_scales", {steps, m, 3}, poses.log_scales, kStep / 2);
+  if (!poses.opacities.empty())
+    arrays.put_pose("pose_opacities", {steps, model.count}, poses.opacities, kStep / 16);
 }
 
 // Name of the motion, for the page, and the arrays.
@@ -135,7 +146,7 @@ const char* put_arrays(ArrayWriter& arrays, const HostModel& model, const BakedP
   put_group(arrays, model, "means_t");
   put_group(arrays, model, "log_scales");
   if (poses) {
-    put_poses(arrays, *poses, model.count);
+    put_poses(arrays, model, *poses);
     return "poses";
   }
   for (const MotionColumns& columns : motion_columns(model.shape))
@@ -163,7 +174,7 @@ std::string view_model_bytes(const HostModel& model, const BakedPoses* poses,
     header["keys"] = model.shape.keys;
     header["key_scales"] = model.shape.key_scales;
   }
-  header["steps"] = poses ? poses->times.size() : facts.steps;
+  header["steps"] = poses && facts.steps == 0 ? poses->times.size() : facts.steps;
   if (poses) {
     header["times"] = poses->times;
     header["life"] = poses->opacities.empty();

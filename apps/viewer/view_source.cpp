@@ -13,7 +13,7 @@
 #include <set>
 
 #include "apps/common/found_above.hpp"
-#include "optim/eval/views.hpp"
+#include "apps/viewer/rounded_model.hpp"
 #include "optim/images/decoded_image.hpp"
 #include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/run_names.hpp"
@@ -27,6 +27,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr size_t kPoseBytes = size_t{256} << 20;  // of a model's baked poses, at most
+constexpr double kPoseTolerance = 1.0 / 8;        // of exported ones, see thinned()
 constexpr size_t kMetricLines = 5000;             // in one answer
 
 // Folder or file without the folders around it.
@@ -73,12 +74,6 @@ struct ViewSource::View {
   const char* split = "view";
   const Frame* frame = nullptr;  // with its image, or null
 };
-
-BakedPoses ViewDevice::bake(const HostModel& model, const std::vector<double>& times) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (!queue_) queue_ = open_();
-  return bake_poses(*queue_, model, times);
-}
 
 ViewSource::ViewSource(const std::string& run_or_file, int iteration, Undrawable undrawable,
                        ViewDevice& device)
@@ -170,28 +165,78 @@ HostModel ViewSource::read_model_at(Place& place) {
   return std::move(state.model);
 }
 
-ViewSource::Packed ViewSource::model(ViewPrecision precision) {
-  const std::lock_guard<std::mutex> lock(model_mutex_);
+ViewSource::Place ViewSource::newest_place_or_throw() const {
   std::optional<Place> place = newest_place();
   if (!place)
     throw NotYet(
         fmt::format("{} has no model yet: training saves the first one after "
                     "train.checkpoint_every or train.save_every steps, or at its end",
                     name_));
-  if (packed_ && tag_ == place->tag && precision == ViewPrecision::full) return {tag_, packed_};
-  const HostModel host = read_model_at(*place);
-  origin_ = host.shape.origin;
+  return std::move(*place);
+}
+
+std::string ViewSource::bytes_of(const HostModel& model, ViewPrecision precision) {
+  origin_ = model.shape.origin;
+  const ViewFacts about = facts(model);  // loads the scene
   std::optional<BakedPoses> poses;
-  const ViewFacts about = facts(host);  // loads the scene
-  if (needs_poses(host))
-    poses = device_.bake(host, times_within(pose_times(), host.num_moving(), kPoseBytes));
-  auto bytes = std::make_shared<const std::string>(
-      view_model_bytes(host, poses ? &*poses : nullptr, about, precision));
-  if (precision == ViewPrecision::full) {
-    tag_ = place->tag;
-    packed_ = bytes;
+  if (needs_poses(model))
+    poses = device_.with_queue([&](Queue& queue) {
+      return bake_poses(queue, model, times_within(pose_times(), model.num_moving(), kPoseBytes));
+    });
+  if (poses && precision == ViewPrecision::half) poses = thinned(*poses, model, kPoseTolerance);
+  return view_model_bytes(model, poses ? &*poses : nullptr, about, precision);
+}
+
+ViewSource::Packed ViewSource::model() {
+  const std::lock_guard<std::mutex> lock(model_mutex_);
+  Place place = newest_place_or_throw();
+  if (packed_ && tag_ == place.tag) return {tag_, packed_};
+  packed_ =
+      std::make_shared<const std::string>(bytes_of(read_model_at(place), ViewPrecision::full));
+  tag_ = place.tag;
+  return {tag_, packed_};
+}
+
+ViewSource::FileModel ViewSource::model_of_file(const Selection& selection, bool compact) {
+  const std::lock_guard<std::mutex> lock(model_mutex_);
+  Place place = newest_place_or_throw();
+  HostModel model = read_model_at(place);
+  origin_ = model.shape.origin;
+  const ViewFacts about = facts(model);  // loads the scene, which has the times
+  FileModel file;
+  file.whole = model.count;
+  if (!selection.is_everything()) {
+    model = device_.with_queue(
+        [&](Queue& queue) { return selected(queue, model, selection, pose_times()); });
+    require_some_left(model, file.whole, path_);
   }
-  return {place->tag, std::move(bytes)};
+  file.count = model.count;
+  if (compact) {
+    HostModel rounded = rounded_model(model);
+    file.psnr = device_.with_queue([&](Queue& queue) {
+      return psnr_between(queue, rounded, model, some_views(model), engine_settings(config_),
+                          about.near);
+    });
+    model = std::move(rounded);
+  }
+  file.bytes = bytes_of(model, ViewPrecision::half);
+  return file;
+}
+
+// Eight of the run's cameras and times, or of an orbit.
+std::vector<RenderView> ViewSource::some_views(const HostModel& model) {
+  constexpr size_t kViews = 8;
+  const std::lock_guard<std::mutex> lock(scene_mutex_);
+  const std::vector<View> all = views();
+  if (all.empty()) return orbit_views(model, parse_times(fmt::format("0:1:{}", kViews)), "-y");
+  std::vector<RenderView> some;
+  for (size_t k = 0; k < std::min(kViews, all.size()); ++k) {
+    const View& view = all[k * all.size() / std::min(kViews, all.size())];
+    RenderView& chosen = some.emplace_back();
+    chosen.camera = view.camera;
+    chosen.time = view.frame ? view.frame->time : double(k) / kViews;
+  }
+  return some;
 }
 
 void ViewSource::load_scene_once() {

@@ -12,7 +12,9 @@
 
 #include "apps/viewer/live_model.hpp"
 #include "apps/viewer/view_model.hpp"
+#include "optim/eval/views.hpp"
 #include "optim/formats/splat_table.hpp"
+#include "optim/model/selection.hpp"
 #include "optim/runs/run_state.hpp"
 #include "optim/scene/loaded_scene.hpp"
 
@@ -27,11 +29,17 @@ struct NoSuchView : Error {
   using Error::Error;
 };
 
-// The device that bakes poses. Opened on the first use, because most models need none.
+// A device, opened on its first use, because most models need none.
 class ViewDevice {
  public:
   explicit ViewDevice(std::function<std::unique_ptr<Queue>()> open) : open_(std::move(open)) {}
-  BakedPoses bake(const HostModel& model, const std::vector<double>& times);
+  // Calls use(queue), while no other thread does.
+  template <class Use>
+  auto with_queue(Use&& use) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!queue_) queue_ = open_();
+    return use(*queue_);
+  }
 
  private:
   std::function<std::unique_ptr<Queue>()> open_;
@@ -67,7 +75,14 @@ class ViewSource {
     std::shared_ptr<const std::string> bytes;
   };
   // The newest model as bytes for the page. NotYet if the run has none.
-  Packed model(ViewPrecision precision = ViewPrecision::full);
+  Packed model();
+  struct FileModel {
+    std::string bytes;
+    size_t count = 0, whole = 0;  // Gaussians in the file and in the model
+    double psnr = 0;              // of a compact one, see psnr_between() [dB]
+  };
+  // What is selected of it for a file of its own. Error if that is nothing. compact: rounded.
+  FileModel model_of_file(const Selection& selection, bool compact);
 
   // The true image of camera `index` of info(), as training saw it: a PNG. NoSuchView if there is
   // none.
@@ -81,12 +96,15 @@ class ViewSource {
   struct Place;
   struct View;
   std::optional<Place> newest_place() const;
+  Place newest_place_or_throw() const;
   HostModel read_model_at(Place& place);  // sets the place to that of what was read
   bool is_in_training() const { return live_ && live_->is_training(); }
   void load_scene_once();
   std::vector<View> views();
   ViewFacts facts(const HostModel& model);
+  std::string bytes_of(const HostModel& model, ViewPrecision precision);
   std::vector<double> pose_times() const;
+  std::vector<RenderView> some_views(const HostModel& model);
 
   std::string path_, name_;
   int iteration_;

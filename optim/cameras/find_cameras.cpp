@@ -226,7 +226,10 @@ void report(const std::string& folder, const Findings& f) {
   print_result("points    {} seen {} times, reprojection error {:.2f} px median, {:.2f} mean\n",
                f.reprojection.points, f.reprojection.observations, f.reprojection.median,
                f.reprojection.mean);
-  if (f.moving) print_result("moving    {:.1f} % of the images\n", 100 * *f.moving);
+  if (f.moving)
+    print_result("moving    {:.1f} % of the images\n", 100 * *f.moving);
+  else
+    print_result("moving    no masks, which --method tracks writes\n");
   print_result("written   {}\n", folder);
   if (!f.focal_is_certain)
     print_status(
@@ -329,7 +332,7 @@ void find_cameras(const LoadedScene& video, const SceneOptions& options, const F
     write_camera_scene(unfinished, video, tracks, path, progress_callback(writing));
     writing.finish();
     if (!by_colmap) {  // photographs in any order have no flow
-      Progress comparing("motion", long(findings.placed), how.quiet);
+      Progress comparing("masks", long(findings.placed), how.quiet);
       findings.moving = write_motion_mask_files(unfinished + "/" + kMotionMasks, video, path,
                                                 progress_callback(comparing));
     }

@@ -156,6 +156,18 @@ void write_movies(const std::vector<RenderView>& views, const std::string& folde
 
 }  // namespace
 
+void compare_views(Queue& queue, Model& model, const std::vector<RenderView>& views,
+                   FrameStore& frames, const RenderOptions& options, const TakeComparedView& take) {
+  Painter painter(queue, model, options);
+  for (const RenderView& view : views) {
+    if (!view.truth) throw Error("view " + view.name + " has no image to compare with");
+    Drawn drawn = painter.draw(view);
+    FlowField reference = view.time_t2 >= 0 ? reference_flow(view, frames) : FlowField{};
+    take(view, {*frames.rgb(*view.truth), std::move(drawn.rgb), std::move(drawn.flow),
+                std::move(reference)});
+  }
+}
+
 Image comparison_image(Queue& queue, Model& model, const RenderView& view, FrameStore& frames,
                        const RenderOptions& options) {
   if (!view.truth) throw Error("view " + view.name + " has no image to compare with");

@@ -7,7 +7,11 @@
 //   compare/NAME.png truth | render | error x 4 | flow | reference flow, if there is a truth
 //   MOVIE.mp4, compare_MOVIE.mp4 of the views that share a movie, two or more of one size
 #pragma once
+#include <functional>
+
 #include "optim/eval/views.hpp"
+#include "optim/formats/flo.hpp"
+#include "optim/images/image.hpp"
 #include "optim/model/renderer.hpp"
 #include "optim/scene/frame_store.hpp"
 #include "runtime/base/report.hpp"
@@ -21,6 +25,16 @@ struct RenderOptions {
   double fps = 24;      // of the videos
   bool compare = true;  // images beside the truth; the reference flow is the scene's, else DIS
 };
+
+// A view and its truth.
+struct ComparedView {
+  Image truth, rendered;      // RGB
+  FlowField flow, reference;  // of the model, and of the scene or DIS; not valid in any pixel: none
+};
+// Renders views that have a truth, one at a time, and passes each on. Error if one has none.
+using TakeComparedView = std::function<void(const RenderView& view, ComparedView&& compared)>;
+void compare_views(Queue& queue, Model& model, const std::vector<RenderView>& views,
+                   FrameStore& frames, const RenderOptions& options, const TakeComparedView& take);
 
 // One view beside its truth: truth | render | error x 4, and flow | reference flow if there is one.
 // Error if the view has no truth.

@@ -39,5 +39,8 @@ struct PngPixels {
 };
 // Encodes an image. Error with the library's reason if it cannot.
 Bytes encode_png(const PngPixels& image);
+// Encodes RGB of 8 bits [height, width, 3] as a JPEG; quality: 1 to 100. Error with the library's
+// reason if it cannot.
+Bytes encode_jpeg(int width, int height, const uint8_t* rgb, int quality);
 
 }  // namespace gflow

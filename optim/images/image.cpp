@@ -186,6 +186,14 @@ void write_png(const std::string& path, const Image& image) {
       path, encode_png({image.width, image.height, image.channels, 8, image.pixels.data()}));
 }
 
+std::vector<uint8_t> jpeg_of(const Image& image, int quality) {
+  check_pixels(image, "encode a JPEG");
+  if (image.channels != 3)
+    throw Error(
+        fmt::format("cannot encode a JPEG: the image has {} channels, not 3", image.channels));
+  return encode_jpeg(image.width, image.height, image.pixels.data(), quality);
+}
+
 void write_png16(const std::string& path, int width, int height,
                  const std::vector<uint16_t>& values) {
   if (width < 1 || height < 1 || values.size() != size_t(width) * size_t(height))

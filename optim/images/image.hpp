@@ -42,6 +42,9 @@ Image remapped(const Image& image, int width, int height, const std::vector<floa
 // 8-bit PNG: grey, RGB or RGBA by channels. Replaces the file atomically.
 void write_png(const std::string& path, const Image& image);
 
+// An RGB image as the bytes of a JPEG; quality: 1 to 100. Error for other channels.
+std::vector<uint8_t> jpeg_of(const Image& image, int quality);
+
 // 16-bit grey PNG, [height, width], for instance of depth.
 void write_png16(const std::string& path, int width, int height,
                  const std::vector<uint16_t>& values);

@@ -9,7 +9,13 @@
 #include <jerror.h>
 // clang-format on
 
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <memory>
+
 #include "optim/images/decoded_image.hpp"
+#include "runtime/base/error.hpp"
 
 namespace gflow {
 namespace {
@@ -69,6 +75,27 @@ void decode(jpeg_decompress_struct& decoder, JpegReport& report, const Bytes& by
   }
 }
 
+// The same for encoding. `bytes` is allocated by libjpeg.
+void encode(jpeg_compress_struct& encoder, JpegReport& report, int width, int height,
+            const uint8_t* rgb, int quality, unsigned char** bytes, unsigned long* size) {
+  if (setjmp(report.stop)) return;
+  jpeg_create_compress(&encoder);
+  jpeg_mem_dest(&encoder, bytes, size);
+  encoder.image_width = JDIMENSION(width);
+  encoder.image_height = JDIMENSION(height);
+  encoder.input_components = 3;
+  encoder.in_color_space = JCS_RGB;
+  jpeg_set_defaults(&encoder);
+  jpeg_set_quality(&encoder, quality, TRUE);
+  encoder.optimize_coding = TRUE;
+  jpeg_start_compress(&encoder, TRUE);
+  while (encoder.next_scanline < encoder.image_height) {
+    JSAMPROW row = const_cast<JSAMPROW>(rgb + size_t{3} * encoder.next_scanline * size_t(width));
+    jpeg_write_scanlines(&encoder, &row, 1);
+  }
+  jpeg_finish_compress(&encoder);
+}
+
 }  // namespace
 
 DecodedImage decode_jpeg(const Bytes& bytes) {
@@ -83,6 +110,23 @@ DecodedImage decode_jpeg(const Bytes& bytes) {
   result.complaint = report.words;
   if (!result.complaint.empty()) result.pixels.clear();  // libjpeg invents the missing pixels
   return result;
+}
+
+Bytes encode_jpeg(int width, int height, const uint8_t* rgb, int quality) {
+  jpeg_compress_struct encoder{};
+  JpegReport report;
+  encoder.err = jpeg_std_error(&report.manager);
+  report.manager.error_exit = on_error;
+  report.manager.emit_message = on_message;
+  unsigned char* start = nullptr;
+  unsigned long size = 0;
+  encode(encoder, report, width, height, rgb, quality, &start, &size);
+  jpeg_destroy_compress(&encoder);
+  const std::unique_ptr<unsigned char, void (*)(void*)> owned(start, std::free);
+  if (report.words[0] || !start)
+    throw Error(
+        fmt::format("cannot encode a JPEG of {} x {} pixels: {}", width, height, report.words));
+  return {start, start + size};
 }
 
 }  // namespace gflow

@@ -21,13 +21,6 @@
 namespace gflow {
 namespace {
 
-// Groups with a row per Gaussian.
-std::vector<GroupSpec> all_groups(const ModelShape& shape) {
-  std::vector<GroupSpec> specs = motion_groups(shape);
-  for (const GroupSpec& spec : color_groups(shape.sh_degree)) specs.push_back(spec);
-  return specs;
-}
-
 // Consecutive PLY columns that are consecutive columns of a group.
 struct ColumnBlock {
   std::string group;
@@ -194,7 +187,7 @@ HostModel model_of_values(const ModelShape& shape, size_t count, size_t moving, 
     std::vector<float>& rows = host.groups[spec.name];
     rows = for_all(rows, blocks, moving, count, spec, host.groups);
   };
-  for (const GroupSpec& spec : all_groups(shape))
+  for (const GroupSpec& spec : model_groups(shape))
     if (spec.moving) widen(spec, 1);
   for (const TableSpec& table : motion_tables(shape))
     if (table.keys)
@@ -204,6 +197,17 @@ HostModel model_of_values(const ModelShape& shape, size_t count, size_t moving, 
 
 }  // namespace
 
+std::vector<GroupSpec> model_groups(const ModelShape& shape) {
+  std::vector<GroupSpec> specs = motion_groups(shape);
+  for (const GroupSpec& spec : color_groups(shape.sh_degree)) specs.push_back(spec);
+  return specs;
+}
+
+double longest_scale(const HostModel& model, size_t i) {
+  const float* log_scales = &model.groups.at("log_scales")[4 * i];
+  return std::exp(double(*std::max_element(log_scales, log_scales + 3)));
+}
+
 std::string tables_path(const std::string& path) {
   return std::filesystem::path(path).replace_extension(".motion.npz").string();
 }
@@ -212,7 +216,7 @@ Model::Model(Queue& queue, const ModelShape& shape, size_t count, Purpose purpos
     : shape(shape),
       motion(make_motion(queue, shape)),
       color(queue, shape.sh_degree),
-      parameters(queue, count, all_groups(shape), motion_tables(shape), moving,
+      parameters(queue, count, model_groups(shape), motion_tables(shape), moving,
                  purpose == Purpose::training) {}
 
 Model::Model(Queue& queue, const HostModel& host, Purpose purpose)
@@ -259,7 +263,7 @@ void Model::step(Queue& queue, Adam& adam, const AdamRate& rate) {
 }
 
 HostModel model_of_state(const ModelShape& shape, const Arrays& arrays, const std::string& path) {
-  StateValues kept = state_values(arrays, all_groups(shape), motion_tables(shape), path);
+  StateValues kept = state_values(arrays, model_groups(shape), motion_tables(shape), path);
   return model_of_values(shape, kept.count, kept.moving, std::move(kept.groups));
 }
 

@@ -22,6 +22,9 @@ struct ModelShape : MotionShape {
   std::array<double, 3> origin = {0, 0, 0};
 };
 
+// The groups with a row per Gaussian; others are in motion_tables().
+std::vector<GroupSpec> model_groups(const ModelShape& shape);
+
 struct HostModel {
   ModelShape shape;
   size_t count = 0;
@@ -31,6 +34,9 @@ struct HostModel {
 
   size_t num_moving() const { return std::min(moving, count); }
 };
+
+// The longest standard deviation of a Gaussian at rest [scene units].
+double longest_scale(const HostModel& model, size_t i);
 
 // Purpose of a model; without training state it takes a quarter of the memory.
 enum class Purpose { training, rendering };

@@ -192,7 +192,7 @@ bool RunFolder::would_remove(const std::string& file) const {
 }
 
 std::vector<std::string> RunFolder::results() const {
-  std::vector<std::string> paths{path("test"), path("compare.png")};
+  std::vector<std::string> paths{path("test"), path("compare.png"), path(kRunReport)};
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder_, none))
     if (is_name_of_results(entry.path().filename().string())) paths.push_back(entry.path());

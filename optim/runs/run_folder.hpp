@@ -68,7 +68,8 @@ class RunFolder {
   // Whether training here may remove or replace this file or folder, as part of the run, its
   // results or its caches; links are followed. False for "".
   bool would_remove(const std::string& file) const;
-  // Paths of results and per-view metrics of all splits and iterations, compare.png and test/.
+  // Paths of results and per-view metrics of all splits and iterations, compare.png, report.html
+  // and test/.
   std::vector<std::string> results() const;
   void remove_results() const;
   // Whether the folder holds output of a training: a checkpoint, a model, training.json or results.

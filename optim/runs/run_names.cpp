@@ -34,10 +34,10 @@ bool is_name_of_results(const std::string& name) {
 
 bool is_name_of_training(const std::string& name) {
   static const std::set<std::string> names = {
-      kRunLock,           kRunScene,     "broken.npz",   "cameras.json",  kRunStamp,
-      "checkpoints",      "compare.png", "config.toml",  "flow",          "frames",
-      "input.motion.npz", "input.ply",   "metrics.csv",  "metrics.jsonl", "moving",
-      "point_cloud",      "test",        "training.json"};
+      kRunLock,           kRunScene,     "broken.npz",  "cameras.json",  kRunStamp,
+      "checkpoints",      "compare.png", "config.toml", "flow",          "frames",
+      "input.motion.npz", "input.ply",   "metrics.csv", "metrics.jsonl", "moving",
+      "point_cloud",      kRunReport,    "test",        "training.json"};
   return names.count(name) || is_name_of_results(name);
 }
 

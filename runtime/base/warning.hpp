@@ -39,10 +39,14 @@ class WarningsTo {
   Sink before_;
 };
 
+// Prints a warning on stderr.
+inline void print_warning(const std::string& sentence) {
+  std::fprintf(stderr, "gflow: warning: %s\n", printable(sentence).c_str());
+}
+
 // Prints one sentence on stderr, unless WarningsTo takes it.
 inline void warn(const std::string& sentence) {
-  if (!WarningsTo::send(sentence))
-    std::fprintf(stderr, "gflow: warning: %s\n", printable(sentence).c_str());
+  if (!WarningsTo::send(sentence)) print_warning(sentence);
 }
 
 // The same, unless this process has printed that sentence before: a file may be read twice.

@@ -92,6 +92,9 @@ TEST_F(Experiment, TrainsWhatTheFileNamesAndTabulatesIt) {
   EXPECT_NE(markdown.find("| small | off | "), std::string::npos);
   EXPECT_NE(markdown.find(" (+"), std::string::npos) << markdown;  // compared with the baseline
   EXPECT_EQ(outcome.out.rfind(markdown, 0), 0u);
+  const std::string report = contents(out("/report.html"));
+  EXPECT_NE(report.find("4 of 4 runs"), std::string::npos);
+  EXPECT_NE(report.find("alt=\"Contact sheet small\""), std::string::npos);
   const std::string runs = contents(out("/runs.csv"));
   EXPECT_EQ(std::count(runs.begin(), runs.end(), '\n'), 5);
   EXPECT_EQ(runs.rfind("run,scene,flow,seed,psnr,", 0), 0u);

@@ -112,6 +112,32 @@ TEST_F(FilesCommand, ExportTakesTheFormatFromTheEnding) {
           {"extension means ply", "--format is ply-sequence"});
 }
 
+TEST_F(FilesCommand, ExportWritesWhatIsSelected) {
+  const TemporaryFolder folder;
+  const std::string whole = folder.path() + "/whole.html", small = folder.path() + "/small.html",
+                    ply = folder.path() + "/a.ply";
+  ASSERT_EQ(gflow({"export", run(), "-o", whole}).code, 0);
+  const Outcome compact =
+      gflow({"export", run(), "-o", small, "--compact", "--min-opacity", "0.01"});
+  ASSERT_EQ(compact.code, 0) << compact.err;
+  EXPECT_NE(compact.out.find("PSNR of"), std::string::npos) << compact.out;
+  EXPECT_LT(fs::file_size(small), fs::file_size(whole));
+  const Outcome half =
+      gflow({"export", run(), "-o", ply, "--crop", "0", "-1e6", "-1e6", "1e6", "1e6", "1e6"});
+  ASSERT_EQ(half.code, 0) << half.err;
+  EXPECT_EQ(half.out.substr(0, 8), "selected");
+  const HostModel left = read_model(ply);
+  ASSERT_GT(left.count, 0u);
+  for (size_t i = 0; i < left.count; ++i)
+    EXPECT_GE(double(left.groups.at("means")[3 * i]) + left.shape.origin[0], 0);
+  fs::remove(ply);
+  expect_refused({"export", run(), "-o", ply, "--crop", "1", "0", "0", "0", "1", "1"},
+                 {"--crop", "x from 1 to 0 is empty"});
+  expect_refused({"export", run(), "-o", ply, "--max-size", "1e-9"}, {"none of its", "--max-size"});
+  expect_refused({"export", run(), "-o", ply, "--compact"}, {"--compact", "html", "ply"});
+  EXPECT_FALSE(fs::exists(ply));
+}
+
 TEST_F(FilesCommand, ExportWritesASequenceOfTheStepsOfTheScene) {
   const TemporaryFolder folder;
   EXPECT_EQ(

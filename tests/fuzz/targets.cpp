@@ -17,7 +17,8 @@ Holds any_video(const uint8_t*, size_t) { return Holds::anything; }
 const std::vector<Target>& targets() {
   static const std::vector<Target> all = [] {
     std::vector<Target> joined;
-    for (const auto& some : {splat_targets(), file_targets(), scene_targets(), run_targets()})
+    for (const auto& some :
+         {splat_targets(), file_targets(), scene_targets(), run_targets(), server_targets()})
       joined.insert(joined.end(), some.begin(), some.end());
     return joined;
   }();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every file reader as a function of bytes, for the fuzzer and for its past findings
-// (tests/data/fuzz). A reader may reject its input by an Error and in no other way.
+// Every file reader, and the viewer's server, as a function of bytes, for the fuzzer and for its
+// past findings (tests/data/fuzz). A reader may reject its input by an Error and in no other way.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -44,5 +44,6 @@ std::vector<Target> splat_targets();
 std::vector<Target> file_targets();
 std::vector<Target> scene_targets();
 std::vector<Target> run_targets();
+std::vector<Target> server_targets();
 
 }  // namespace gflow::fuzz

@@ -11,7 +11,7 @@ RENAMED = {"rejected": "refused"}
 VARYING = {"seconds", "train_seconds", "peak_memory_mib", "facts", "time"}
 # Files that contain only settings, times or versions, and movies: their encoder changed since OLD. Their frames are
 # compared as images.
-IGNORED = {"config.toml", "training.json", "caches.stamp", ".lock", "cam00.mp4", "compare_cam00.mp4"}
+IGNORED = {"config.toml", "training.json", "report.html", "caches.stamp", ".lock", "cam00.mp4", "compare_cam00.mp4"}
 # Formats compared by value only: archives contain dates, text contains times.
 BY_VALUE = {".npz", ".json", ".jsonl", ".csv"}
 PLY_TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}

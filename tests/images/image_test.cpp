@@ -223,6 +223,17 @@ TEST(Image, JpegsAreReadAsStoredHoweverTheCameraWasHeld) {
   }
 }
 
+TEST(Image, JpegsThatAreWrittenShowTheImage) {
+  const Image image{32, 24, 3, std::vector<uint8_t>(32 * 24 * 3, 90)};
+  const std::vector<uint8_t> bytes = jpeg_of(image, 85);
+  const cv::Mat read = cv::imdecode(bytes, cv::IMREAD_COLOR);
+  ASSERT_EQ(read.cols, 32);
+  ASSERT_EQ(read.rows, 24);
+  EXPECT_NEAR(read.at<cv::Vec3b>(12, 16)[1], 90, 1);
+  EXPECT_EQ(jpeg_of(image, 85), bytes);
+  EXPECT_THROW(jpeg_of({1, 1, 1, {0}}, 85), Error);
+}
+
 TEST(Image, TruncatedJpegsAreRefused) {
   const std::string path = shared("data/dynerf_flame_steak_5v/images/1.jpg");
   if (!std::filesystem::exists(path)) return;  // this build cannot write JPEGs

@@ -16,8 +16,8 @@ struct Answer {
 };
 
 // Sends bytes to a port of this machine and reads until the other side closes, or is silent for
-// `patience` seconds.
-inline Answer ask(int port, const std::string& bytes, double patience = 20) {
+// `patience` seconds. `ends`: tells it that no more bytes will come.
+inline Answer ask(int port, const std::string& bytes, double patience = 20, bool ends = false) {
   const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
   const timeval limit{time_t(patience), suseconds_t(1e6 * (patience - double(time_t(patience))))};
   ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
@@ -34,6 +34,7 @@ inline Answer ask(int port, const std::string& bytes, double patience = 20) {
       if (n <= 0) break;
       sent += size_t(n);
     }
+    if (ends) ::shutdown(socket, SHUT_WR);
     char piece[65536];
     for (ssize_t n; (n = ::recv(socket, piece, sizeof piece, 0)) > 0;) all.append(piece, size_t(n));
   }

@@ -105,7 +105,7 @@ export function checkedModel(header, arrays) {
       throw new FileError(`The model is damaged: its array ${name} should have ${length} values.`);
   };
   for (const [name, width] of Object.entries(neededArrays[motion])) need(name, width * n);
-  const keys = motion === 'keyframes' ? model.keys : motion === 'poses' ? Math.max(1, model.steps) : 1;
+  const keys = motion === 'keyframes' ? model.keys : motion === 'poses' ? model.times?.length ?? Math.max(1, model.steps) : 1;
   if (!whole(keys, 1e6)) throw new FileError('The model is damaged: its number of keys is out of range.');
   model.keyCount = motion === 'keyframes' || motion === 'poses' ? keys : 0;
   for (const [name, width] of Object.entries(movingArrays[motion])) need(name, width * moving * keys);
