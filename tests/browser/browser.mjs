@@ -99,9 +99,9 @@ export class Page {
     const { data } = await this.send('Page.captureScreenshot', { format: 'png' });
     writeFileSync(path, Buffer.from(data, 'base64'));
   }
-  async drop(...paths) {
-    const { root } = await this.send('DOM.getDocument'), { nodeId } = await this.send('DOM.querySelector', { nodeId: root.nodeId, selector: '#file' });
-    await this.send('DOM.setFileInputFiles', { nodeId, files: paths });
+  async drop(path, selector = '#file') {
+    const { root } = await this.send('DOM.getDocument'), { nodeId } = await this.send('DOM.querySelector', { nodeId: root.nodeId, selector });
+    await this.send('DOM.setFileInputFiles', { nodeId, files: [path] });
   }
   close() { return this.browser.send('Target.closeTarget', { targetId: this.target }); }
   async key(key, code = key) {

@@ -56,7 +56,7 @@ export function showNumbers(now, psnr) {
   const { run, model, sorter: { result } } = app.pane, { info, framing } = app, { view, index } = framing, motion = info.motion || model.model || model.motion;
   canvas.setAttribute('aria-label', `${run.name} at time ${state.time.toFixed(3)}${{ color: '' }[state.mode] ?? `, ${state.mode}`}`);
   fillList($('statistics'), [
-    ['Gaussians', model.count.toLocaleString('en')], ['in this view and time', result?.count.toLocaleString('en')],
+    ['Gaussians', model.count.toLocaleString('en')], ['inside of the box', state.crop && result?.kept.toLocaleString('en')], ['in this view and time', result?.count.toLocaleString('en')],
     ['that may move', model.motion === 'static' ? '0' : model.moving.toLocaleString('en')], ['Motion model', motion],
     ['Colour degree', String(model.sh_degree)], ['Picture', `${view.width} × ${view.height}`],
     ['Sorting', result && `${result.milliseconds.toFixed(1)} ms`], ['PSNR of this view', psnr && `${psnr.toFixed(2)} dB`],

@@ -86,7 +86,7 @@ export async function follow() {
       if (app.other) await refresh(app.other);
     } catch { /* the next try may succeed */ }
   }
-  setTimeout(follow, 2000);
+  setTimeout(follow, 1000);
 }
 
 export async function openFiles(files) {

@@ -23,7 +23,8 @@ onmessage = ({ data }) => {
   const order = data.buffer?.byteLength === 4 * sorted.count ? new Uint32Array(data.buffer) : new Uint32Array(sorted.count);
   const count = sortRows(data, order);
   const depthAt = (share) => count ? new Float32Array(new Uint32Array([keys[Math.floor(share * (count - 1))]]).buffer)[0] : 0;
-  postMessage({ id: data.id, order, count, near: depthAt(0.02), middle: depthAt(0.5), far: depthAt(0.98),
+  const kept = inside ? inside.reduce((sum, x) => sum + x, 0) : sorted.count;
+  postMessage({ id: data.id, order, count, kept, near: depthAt(0.02), middle: depthAt(0.5), far: depthAt(0.98),
     milliseconds: performance.now() - start }, [order.buffer]);
 };
 

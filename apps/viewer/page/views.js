@@ -37,7 +37,7 @@ export function frameView(full = false) {
 // A free camera that shows what is shown now.
 export function cameraNow() {
   if (cameraIndex() < 0) return free;
-  const { view, h, index } = app.framing ?? frameView(), camera = app.info.cameras[index], { result } = app.pane.sorter, taken = new FreeCamera();
+  const { view, h, index } = frameView(), camera = app.info.cameras[index], { result } = app.pane.sorter, taken = new FreeCamera();
   taken.takeView({ ...viewOfCamera(camera, view.near), height: h / (view.fy / camera.fy) });
   taken.distance = result?.count ? result.middle : app.pane.model.size;
   return taken;

@@ -9,7 +9,7 @@ const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseco
 // add() waits until the next picture may come, end() gives the file as a Blob.
 export async function videoEncoder(canvas, perSecond) {
   const { width, height } = canvas, bitrate = Math.round(Math.min(Math.max(0.25 * width * height * perSecond, 4e6), 5e7));
-  for (const [codec, id] of typeof VideoEncoder === 'undefined' ? [] : [['vp8', 'V_VP8'], ['vp09.00.51.08', 'V_VP9']]) {
+  for (const [codec, id] of typeof VideoEncoder === 'undefined' ? [] : [['vp09.00.51.08', 'V_VP9'], ['vp8', 'V_VP8']]) {
     const config = { codec, width, height, bitrate, framerate: perSecond, latencyMode: 'realtime' };
     if ((await VideoEncoder.isConfigSupported(config).catch(() => ({}))).supported) return codecEncoder(config, id);
   }
