@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: its commands and the loop that draws when something has changed.
-import { firstState, stateOfAddress } from './address.js';
+import { addressOf, firstState, stateOfAddress } from './address.js';
 import { $, app, changed, fail, onChange, onShow, showState } from './app.js';
 import { attachCamera } from './camera.js';
 import { attachWipe } from './compare.js';
@@ -43,8 +43,8 @@ const commands = {
   },
   save: () => savePicture().catch(fail),
   link: () => {
-    changed('link');
-    setTimeout(() => copy(location.href, 'The address of this view is copied.', 'The address of this view is in the address bar.'), 350);
+    history.replaceState(null, '', addressOf(state));
+    copy(location.href, 'The address of this view is copied.', 'The address of this view is in the address bar.');
   },
   panel: () => { state.panel = !state.panel; changed('panel'); },
   help: () => $('keys').showModal(),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opens runs and files, follows those that train, and opens the run to compare with.
-import { $, app, changed, fail, onChange, showState } from './app.js';
+import { $, app, changed, fail, onChange, onShow, showState } from './app.js';
 import { drawCharts, fillList, trainingEntries } from './charts.js';
 import { Pane } from './pane.js';
 import { LocalRun } from './source.js';
@@ -142,6 +142,7 @@ export function attachRuns() {
     if (state.with && state.compare === 'off') state.compare = 'beside';
     changed('compare');
   });
+  onShow(() => { $('with').value = state.with; });
   onChange((name) => { if (name) openOther(); });
   $('open').addEventListener('click', () => $('file').click());
   $('file').addEventListener('change', () => openFiles($('file').files));
