@@ -78,9 +78,9 @@ export class Page {
     this.browser.listeners.push(({ method, params, sessionId }) => {
       if (method !== 'Fetch.requestPaused' || sessionId !== this.session) return;
       const { pathname } = new URL(params.request.url), path = join(folder, pathname === '/' ? 'index.html' : pathname.replace('/viewer/', ''));
-      if (!existsSync(path)) return void this.send('Fetch.continueRequest', { requestId: params.requestId });
+      if (!existsSync(path)) return void this.send('Fetch.continueRequest', { requestId: params.requestId }).catch(() => {});
       this.send('Fetch.fulfillRequest', { requestId: params.requestId, responseCode: 200, body: readFileSync(path).toString('base64'),
-        responseHeaders: [{ name: 'Content-Type', value: types[extname(path)] }] });
+        responseHeaders: [{ name: 'Content-Type', value: types[extname(path)] }] }).catch(() => {});  // of a page that is gone
     });
     await this.send('Fetch.enable', { patterns: [{ urlPattern: '*/viewer/*' }, { urlPattern: 'http://*/', resourceType: 'Document' }] });
   }

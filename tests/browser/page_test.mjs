@@ -149,8 +149,8 @@ await test('without WebGL2 it says so', async () => {
 });
 
 await test('the exported page opens from disk and draws the same', async () => {
-  const exported = join(folder, 'scene.html');
-  const served = await opened(`#run=${ids[models[0]]}`), camera = await served.run('gflow.info.cameras.findIndex((c) => c.split === "test")');
+  const exported = join(folder, 'scene.html'), run = readFileSync(join(folder, 'scene.run'), 'utf8').trim();
+  const served = await opened(`#run=${ids[run]}`), camera = await served.run('gflow.info.cameras.findIndex((c) => c.split === "test")');
   const truth = await picture(served, { camera, time: 0 });
   await served.close();
   const page = await browser.page(pathToFileURL(exported).href, { width: 640, height: 480 });
