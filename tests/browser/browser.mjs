@@ -78,9 +78,9 @@ export class Page {
     this.browser.listeners.push(({ method, params, sessionId }) => {
       if (method !== 'Fetch.requestPaused' || sessionId !== this.session) return;
       const { pathname } = new URL(params.request.url), path = join(folder, pathname === '/' ? 'index.html' : pathname.replace('/viewer/', ''));
-      if (!existsSync(path)) return void this.send('Fetch.continueRequest', { requestId: params.requestId });
+      if (!existsSync(path)) return void this.send('Fetch.continueRequest', { requestId: params.requestId }).catch(() => {});
       this.send('Fetch.fulfillRequest', { requestId: params.requestId, responseCode: 200, body: readFileSync(path).toString('base64'),
-        responseHeaders: [{ name: 'Content-Type', value: types[extname(path)] }] });
+        responseHeaders: [{ name: 'Content-Type', value: types[extname(path)] }] }).catch(() => {});  // of a page that is gone
     });
     await this.send('Fetch.enable', { patterns: [{ urlPattern: '*/viewer/*' }, { urlPattern: 'http://*/', resourceType: 'Document' }] });
   }
@@ -99,9 +99,9 @@ export class Page {
     const { data } = await this.send('Page.captureScreenshot', { format: 'png' });
     writeFileSync(path, Buffer.from(data, 'base64'));
   }
-  async drop(...paths) {
-    const { root } = await this.send('DOM.getDocument'), { nodeId } = await this.send('DOM.querySelector', { nodeId: root.nodeId, selector: '#file' });
-    await this.send('DOM.setFileInputFiles', { nodeId, files: paths });
+  async drop(path, selector = '#file') {
+    const { root } = await this.send('DOM.getDocument'), { nodeId } = await this.send('DOM.querySelector', { nodeId: root.nodeId, selector });
+    await this.send('DOM.setFileInputFiles', { nodeId, files: [path] });
   }
   close() { return this.browser.send('Target.closeTarget', { targetId: this.target }); }
   async key(key, code = key) {

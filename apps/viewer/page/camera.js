@@ -5,7 +5,7 @@
 export const dot3 = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const add3 = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const cross3 = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit3 = (a) => { const n = Math.hypot(...a) || 1; return a.map((x) => x / n); };
+export const unit3 = (a) => { const n = Math.hypot(...a) || 1; return a.map((x) => x / n); };
 
 // v turned around a unit axis.
 function turned(v, axis, angle) {
@@ -139,7 +139,7 @@ export function attachCamera(element, camera, take, changed) {
   }, { passive: false });
 
   const directions = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0, 1, 0], q: [0, -1, 0] };
-  const typing = (event) => event.target.closest?.('input[type=text], select, dialog[open]') || event.ctrlKey || event.metaKey || event.altKey;
+  const typing = (event) => event.target.closest?.('input[type=text], input[type=number], select, dialog[open]') || event.ctrlKey || event.metaKey || event.altKey;
   addEventListener('keydown', (event) => {
     const key = event.key.toLowerCase();
     if (directions[key] && !typing(event)) { held.add(key); changed(); }

@@ -1,113 +1,70 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras of the scene, in groups that share a place (a fixed camera has an image per time step), and
-// the true image beside, under or minus the model's.
+// What the model is compared with, a true image or another run's model: beside, under or minus the model's picture.
+import { $, app, changed } from './app.js';
 
-const sameNumber = (a, b) => Math.abs(a - b) < 1e-9 * (1 + Math.abs(a));
-const sameCamera = (a, b) => a.split === b.split && a.fx === b.fx && a.width === b.width && a.viewmat.every((x, k) => sameNumber(x, b.viewmat[k]));
+const stage = $('stage'), handle = $('wipe'), image = $('truth'), other = $('other'), gain = $('gain'), tags = [$('tag-left'), $('tag-right')];
+let address = '';
 
-// [{ label, split, members: indices of cameras in the order of time }]
-export function groupCameras(cameras) {
-  const groups = [], byPlace = new Map();
-  cameras.forEach((camera, index) => {
-    const place = camera.viewmat.map((x) => x.toPrecision(6)).join() + camera.split;
-    let group = byPlace.get(place);
-    if (!group || !sameCamera(cameras[group.members[0]], camera)) {
-      group = { split: camera.split, members: [] };
-      byPlace.set(place, group);
-      groups.push(group);
-    }
-    group.members.push(index);
+// Shows an element, the image or the other canvas, over the picture, whose frame on the stage is
+// { left, top, width, height } in CSS pixels; `second` is the element's own frame beside it. null: shows nothing.
+export function showComparison(element, frame, second, titles) {
+  const { compare: kind, wipe: share } = app.state, shown = !!element, place = kind === 'beside' ? second : frame;
+  image.hidden = element !== image;
+  other.hidden = element !== other;
+  handle.hidden = !shown || kind !== 'wipe';
+  gain.hidden = !shown || kind !== 'difference';
+  stage.classList.toggle('difference', shown && kind === 'difference');
+  for (const tag of tags) tag.hidden = !shown || kind === 'difference';
+  if (!shown) return;
+  for (const side of ['left', 'top', 'width', 'height']) {
+    element.style[side] = `${place[side]}px`;
+    gain.style[side] = `${frame[side]}px`;
+    if (side !== 'width') handle.style[side] = `${side === 'left' ? frame.left + share * frame.width : frame[side]}px`;
+  }
+  element.style.clipPath = kind === 'wipe' ? `inset(0 ${100 * (1 - share)}% 0 0)` : '';
+  handle.setAttribute('aria-valuenow', String(Math.round(100 * share)));
+  const beside = kind === 'beside', upright = beside && place.top !== frame.top;
+  titles.forEach((title, k) => { tags[k].textContent = title; });
+  tags[0].style.left = `${Math.max(place.left, 0) + 8}px`;
+  tags[0].style.top = `${Math.max(place.top, 0) + 8}px`;
+  tags[1].style.top = `${Math.max(frame.top, 0) + 8}px`;
+  tags[1].style.left = beside ? `${frame.left + 8}px` : '';
+  tags[1].style.right = beside ? '' : `${stage.clientWidth - frame.left - frame.width + 8}px`;
+  for (const tag of tags) tag.style.maxWidth = `${upright ? frame.width - 16 : (beside ? 1 : 0.5) * frame.width - 16}px`;
+}
+
+// The true image at an address, on its way or there.
+export function truthAt(newAddress) {
+  if (newAddress !== address) image.src = address = newAddress;
+  return image;
+}
+
+// PSNR [dB] of RGBA pixels against the true image shown; null if there is none of that size, undefined while it loads.
+export function psnrOfTruth(pixels, width, height) {
+  if (!image.hidden && !image.complete) return undefined;
+  if (image.hidden || image.naturalWidth !== width || image.naturalHeight !== height) return null;
+  const context = Object.assign(document.createElement('canvas'), { width, height }).getContext('2d', { willReadFrequently: true });
+  context.drawImage(image, 0, 0);
+  const truth = context.getImageData(0, 0, width, height).data;
+  let sum = 0;
+  for (let i = 0; i < truth.length; ++i) if (i % 4 !== 3) sum += (truth[i] - pixels[i]) ** 2;
+  return -10 * Math.log10(sum / (width * height * 3) / 255 ** 2);
+}
+
+export function attachWipe() {
+  const move = (share) => { app.state.wipe = Math.min(Math.max(share, 0), 1); changed('wipe'); };
+  handle.addEventListener('pointerdown', (event) => handle.setPointerCapture(event.pointerId));
+  handle.addEventListener('pointermove', (event) => {
+    if (!handle.hasPointerCapture(event.pointerId)) return;
+    const { left, width } = app.framing.frame;
+    move((event.clientX - stage.getBoundingClientRect().left - left) / width);
   });
-  for (const group of groups) {
-    group.members.sort((a, b) => cameras[a].time - cameras[b].time);
-    const names = group.members.map((index) => String(cameras[index].name)), [name] = names;
-    const same = names.every((one) => one === name);  // else they end with the number of the time step
-    group.label = same ? name : name.replace(/([/_ -]|images)*\d+(\.\w+)?$/, '') || name;
-  }
-  // A camera that moves has one name for all its places.
-  for (const group of groups) {
-    const step = cameras[group.members[0]].step;
-    if (group.members.length === 1 && groups.filter((other) => other.label === group.label && other.split === group.split).length > 1)
-      group.longLabel = `${group.label} at ${step}`;
-  }
-  for (const group of groups) group.label = group.longLabel ?? group.label;
-  return groups;
-}
-
-// The member of a group whose time is nearest.
-export function memberAt(group, cameras, time) {
-  let best = group.members[0];
-  for (const index of group.members)
-    if (Math.abs(cameras[index].time - time) < Math.abs(cameras[best].time - time)) best = index;
-  return best;
-}
-
-// Shows the true image over a frame of the stage: { left, top, width, height } in CSS pixels.
-export class TruthOverlay {
-  constructor(stage) {
-    this.stage = stage;
-    this.image = stage.querySelector('#truth');
-    this.handle = stage.querySelector('#wipe');
-    this.tags = [stage.querySelector('#tag-left'), stage.querySelector('#tag-right')];
-    this.address = '';
-  }
-
-  show(kind, address, frame, second, share, title) {
-    const shown = kind !== 'off' && !!address;
-    this.image.hidden = !shown;
-    this.handle.hidden = !shown || kind !== 'wipe';
-    this.stage.classList.toggle('difference', shown && kind === 'difference');
-    for (const tag of this.tags) tag.hidden = !shown || kind === 'difference';
-    if (!shown) return;
-    if (address !== this.address) {
-      this.image.src = address;
-      this.address = address;
-    }
-    const place = kind === 'beside' ? second : frame;
-    for (const side of ['left', 'top', 'width', 'height']) this.image.style[side] = `${place[side]}px`;
-    this.image.style.clipPath = kind === 'wipe' ? `inset(0 ${100 * (1 - share)}% 0 0)` : '';
-    this.handle.style.left = `${frame.left + share * frame.width}px`;
-    this.handle.style.top = `${frame.top}px`;
-    this.handle.style.height = `${frame.height}px`;
-    this.handle.setAttribute('aria-valuenow', String(Math.round(100 * share)));
-    this.tags[0].textContent = title;
-    this.tags[1].textContent = 'Model';
-    this.tags[0].style.left = `${place.left + 8}px`;
-    this.tags[0].style.top = this.tags[1].style.top = `${Math.max(frame.top, 0) + 8}px`;
-    this.tags[1].style.left = kind === 'beside' ? `${frame.left + 8}px` : '';
-    this.tags[1].style.right = kind === 'beside' ? '' : `${this.stage.clientWidth - frame.left - frame.width + 8}px`;
-  }
-
-  // Calls changed(share) while the handle is moved.
-  attach(frame, changed) {
-    const { handle } = this;
-    handle.addEventListener('pointerdown', (event) => handle.setPointerCapture(event.pointerId));
-    handle.addEventListener('pointermove', (event) => {
-      if (!handle.hasPointerCapture(event.pointerId)) return;
-      const { left, width } = frame(), x = event.clientX - this.stage.getBoundingClientRect().left;
-      changed(Math.min(Math.max((x - left) / width, 0), 1));
-    });
-    handle.addEventListener('keydown', (event) => {
-      const by = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
-      if (!by) return;
-      event.preventDefault();
-      event.stopPropagation();
-      changed((share) => Math.min(Math.max(share + by, 0), 1));
-    });
-  }
-
-  // PSNR [dB] of RGBA pixels against the image shown, or null if that is not loaded or of another size.
-  psnr(pixels, width, height) {
-    const { image } = this;
-    if (image.hidden || !image.complete || image.naturalWidth !== width || image.naturalHeight !== height) return null;
-    const canvas = document.createElement('canvas');
-    canvas.width = width;
-    canvas.height = height;
-    const context = canvas.getContext('2d', { willReadFrequently: true });
-    context.drawImage(image, 0, 0);
-    const truth = context.getImageData(0, 0, width, height).data;
-    let sum = 0;
-    for (let i = 0; i < truth.length; ++i) if (i % 4 !== 3) sum += (truth[i] - pixels[i]) ** 2;
-    return -10 * Math.log10(sum / (width * height * 3) / 255 ** 2);
-  }
+  handle.addEventListener('keydown', (event) => {
+    const by = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    event.stopPropagation();
+    move(app.state.wipe + by);
+  });
+  image.addEventListener('load', () => changed());
 }

@@ -171,7 +171,7 @@ export class Renderer {
     }
   }
 
-  // A framebuffer of that size: 'sums' (floats where the device blends them, else bytes) or 'bytes'.
+  // A framebuffer of that size: 'bytes', or 'sums' and 'samples' (floats where the device blends them, else bytes).
   target(kind, width, height, precise) {
     const { gl } = this;
     let target = this.targets.get(kind);
@@ -220,7 +220,7 @@ export class Renderer {
     }
     bind(0, gl.TEXTURE_2D, this.rows, 'rowTexture');
     bind(1, gl.TEXTURE_2D, this.sh, 'shTexture');
-    const r = view.rotation, t = view.translation, crop = look.crop;
+    const r = view.rotation, t = view.translation;
     gl.uniform1i(places.moving, model.moving);
     gl.uniform1i(places.show, ['all', 'moving', 'static'].indexOf(look.show ?? 'all'));
     gl.uniform1f(places.sigmas, windowSigmas(model.cutoff));
@@ -234,10 +234,8 @@ export class Renderer {
     gl.uniform1f(places.dilation, 0.3 * Math.max(1, view.filter ?? 1) ** 2);
     gl.uniform1f(places.pointRadius, look.pointRadius ?? 2);
     gl.uniform1f(places.movesFrom, 3e-3 * model.size);
-    gl.uniform2f(places.opacityRange, look.minOpacity ?? 0, 2);
-    gl.uniform2f(places.sizeRange, 0, look.maxSize ? look.maxSize * model.size : 1e30);
-    gl.uniform3fv(places.cropLow, crop ? crop.low : [-1e30, -1e30, -1e30]);
-    gl.uniform3fv(places.cropHigh, crop ? crop.high : [1e30, 1e30, 1e30]);
+    gl.uniform1f(places.minOpacity, look.minOpacity ?? 0);
+    gl.uniform1f(places.maxSize, look.maxSize ? look.maxSize * model.size : 1e30);
     gl.bindVertexArray(this.vertices);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.feedback);
@@ -294,6 +292,21 @@ export class Renderer {
     gl.clearColor(...margin, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.resolve(sums, look, left, canvas.height - top - view.height);
+  }
+
+  // The sums drawn last at the middle of each square of `size` pixels: { columns, rows, values: floats, top row
+  // first, four each }; null without float targets.
+  sampledSums(size) {
+    const { gl } = this, sums = this.targets.get('sums'), columns = Math.floor(sums.width / size), rows = Math.floor(sums.height / size);
+    if (!this.hasFloats || !columns || !rows) return null;
+    const small = this.target('samples', columns, rows, sums.format === gl.RGBA32F), values = new Float32Array(4 * columns * rows);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, sums.framebuffer);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, small.framebuffer);
+    gl.blitFramebuffer(0, sums.height, columns * size, sums.height - rows * size, 0, 0, columns, rows, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, small.framebuffer);
+    gl.readPixels(0, 0, columns, rows, gl.RGBA, gl.FLOAT, values);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return { columns, rows, values };
   }
 
   // The picture as RGBA bytes, top row first.

@@ -68,9 +68,8 @@ uniform vec3 translation, eye;
 uniform vec4 intrinsics;        // fx fy cx cy
 uniform vec2 size;              // [px]
 uniform float near, dilation, pointRadius, movesFrom;
-uniform vec2 opacityRange;      // Gaussians of other opacities are left out
-uniform vec2 sizeRange;         // the same for the longest axis
-uniform vec3 cropLow, cropHigh;
+uniform float minOpacity;       // Gaussians that never have it are left out
+uniform float maxSize;          // the same for those with a longer axis
 out vec4 splat, splat2, value, transportH;  // posedOutputs(); not drawn where value.w is 0
 
 vec4 rowTexel(int i, int k) {
@@ -234,8 +233,8 @@ void main() {
   if (!(o.p.z >= near)) return;
   Rows3 L = pose.factor;
   float longest = sqrt(max(dot(L.r1, L.r1), max(dot(L.r2, L.r2), dot(L.r3, L.r3))));
-  if (pose.opacity < opacityRange.x || pose.opacity > opacityRange.y || longest < sizeRange.x || longest > sizeRange.y) return;
-  if (any(lessThan(pose.mean, cropLow)) || any(greaterThan(pose.mean, cropHigh))) return;
+  float peak = KEY_OPACITIES == 1 && i < moving ? pose.opacity : sigmoid(rowTexel(i, 0).w);
+  if (peak < minOpacity || longest > maxSize) return;
 
   // Covariance, its determinant from the minors of M, and K with K^T K = inv(S).
   float a = dot(o.m1, o.m1) + dilation, b = dot(o.m1, o.m2), c = dot(o.m2, o.m2) + dilation;

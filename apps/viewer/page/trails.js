@@ -26,20 +26,14 @@ export function findTrails(model, times) {
   return { times: kept, paths: [...chosen].map((i) => Float32Array.from(frames.flatMap((f) => [f[3 * i], f[3 * i + 1], f[3 * i + 2]]))) };
 }
 
-// Draws the trails up to model time t for a view whose picture is at (left, top) of the canvas.
-export function drawTrails(canvas, trails, view, t, left, top) {
-  const context = canvas.getContext('2d'), { times, paths } = trails, step = times[1] - times[0], length = Math.min(8, times.length - 1);
-  context.clearRect(0, 0, canvas.width, canvas.height);
-  context.save();
-  context.beginPath();
-  context.rect(left, top, view.width, view.height);
-  context.clip();
-  context.lineCap = 'round';
+// Draws the trails up to model time t for a view whose picture begins at the context's origin.
+export function drawTrails(context, { times, paths }, view, t) {
+  const step = times[1] - times[0], length = Math.min(8, times.length - 1);
   const { rotation: r, translation: m } = view, place = (path, k, next, f) => {
     const [x, y, z] = [0, 1, 2].map((c) => path[3 * k + c] * (1 - f) + (f ? path[3 * next + c] * f : 0));
     const depth = r[6] * x + r[7] * y + r[8] * z + m[2];
     if (!(depth > view.near)) return null;
-    return [left + view.cx + view.fx * (r[0] * x + r[1] * y + r[2] * z + m[0]) / depth, top + view.cy + view.fy * (r[3] * x + r[4] * y + r[5] * z + m[1]) / depth];
+    return [view.cx + view.fx * (r[0] * x + r[1] * y + r[2] * z + m[0]) / depth, view.cy + view.fy * (r[3] * x + r[4] * y + r[5] * z + m[1]) / depth];
   };
   const at = Math.min(Math.max(t / step, 0), times.length - 1), last = Math.floor(at), next = Math.min(last + 1, times.length - 1), width = Math.max(1.2, view.height / 500);
   for (const path of paths) {
@@ -62,5 +56,4 @@ export function drawTrails(canvas, trails, view, t, left, top) {
     context.arc(headX, headY, 1.1 * width, 0, 7);
     context.fill();
   }
-  context.restore();
 }

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the colours of depth and flow mean.
+import { $, app } from './app.js';
+import { arrowFactor } from './overlay.js';
+import { wheelColors } from './shaders.js';
+
+let painted = '';
+export function showLegend({ mode, longestFlow, depthRange }, { pixels }) {
+  const element = $('legend'), flow = mode === 'flow', { transport } = app.pane.model;
+  element.hidden = !flow && mode !== 'depth';
+  if (element.hidden) return;
+  element.classList.toggle('depth', !flow);
+  const asTrained = ['material', 'translate'].includes(transport) ? '' : `, by material transport (the run: ${transport})`;
+  const arrows = app.state.arrows && arrowFactor() ? `; arrows ${arrowFactor()} ×` : '';
+  element.lastElementChild.textContent = flow ? `${(longestFlow / pixels).toPrecision(2)} px per step${arrows}${asTrained}`
+    : `${depthRange[0].toPrecision(3)} … ${depthRange[1].toPrecision(3)}`;
+  if (painted !== mode) paint(element.firstElementChild.getContext('2d'), flow);
+  painted = mode;
+}
+
+function paint(context, flow) {
+  const size = 128, data = context.createImageData(size, size), wheel = wheelColors();
+  const stops = [[252, 232, 173], [245, 158, 82], [204, 74, 107], [107, 41, 133], [23, 20, 64]];
+  for (let y = 0; y < size; ++y)
+    for (let x = 0; x < size; ++x) {
+      const u = (x - 63.5) / 63.5, v = (y - 63.5) / 63.5, o = 4 * (size * y + x);
+      const at = flow ? (Math.atan2(-v, -u) / Math.PI + 1) / 2 * 54 : x / (size - 1) * 3.999;
+      const k = Math.floor(at), f = at - k, r = Math.min(Math.hypot(u, v), 1);
+      for (let c = 0; c < 3; ++c)
+        data.data[o + c] = flow ? 255 * (1 - r * (1 - ((1 - f) * wheel[3 * k + c] + f * wheel[3 * ((k + 1) % 55) + c])))
+          : (1 - f) * stops[k][c] + f * stops[k + 1][c];
+      data.data[o + 3] = 255;
+    }
+  context.putImageData(data, 0, 0);
+}

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// A training that somebody watches: its models arrive, and it ends with the same bytes as one that nobody watches.
+import { spawn } from 'node:child_process';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { browser, expect, files, finish, folder, gflow, test } from './harness.mjs';
+
+await test('a training shows its models and is not changed by it', async () => {
+  const steps = readFileSync(join(folder, 'unwatched.steps'), 'utf8').trim(), result = join('point_cloud', `iteration_${steps}`, 'point_cloud.ply');
+  const training = spawn(gflow, ['train', process.env.SCENE, '-o', join(folder, 'watched'), '--iterations', steps, '--view', '--port', '0']);
+  let said = '';
+  for (const stream of [training.stdout, training.stderr]) stream.on('data', (bytes) => { said += bytes; });
+  const ended = new Promise((done) => training.on('exit', done));
+  for (let i = 0; i < 300 && !/http:\/\/[^\s]+/.test(said); ++i) await new Promise((done) => setTimeout(done, 100));
+  const [address] = /http:\/\/[^\s]+/.exec(said) ?? [];
+  expect(address, `it names no address: ${said.slice(-300)}`);
+  const page = await browser.page(address, { files, width: 320, height: 240 }), counts = [];
+  await page.until('window.gflow?.model', 60);
+  let models = 0, over = false;
+  ended.then(() => { over = true; });
+  await page.run('window.seen = new Set([gflow.model]); setInterval(() => seen.add(gflow.model), 50)');
+  while (!over) {
+    const now = await page.run('[seen.size, gflow.info.iteration]').catch(() => null);
+    if (now) { models = now[0]; if (counts.at(-1) !== now[1]) counts.push(now[1]); }
+    await new Promise((done) => setTimeout(done, 200));
+  }
+  expect(await ended === 0, `it ended with ${await ended}: ${said.slice(-300)}`);
+  expect(models >= 3, `only ${models} models arrived`);
+  expect(readFileSync(join(folder, 'watched', result)).equals(readFileSync(join(folder, 'unwatched', result))), 'the model differs from that of a training without viewer');
+  await page.close();
+  return `${models} models, steps ${counts.join(' ')}`;
+});
+
+await finish();
