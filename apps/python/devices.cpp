@@ -8,8 +8,8 @@
 namespace gflow::python {
 namespace {
 
-// Idle engines keep their buffers, so only a few are kept: as many as a batch of cameras has.
-constexpr size_t kMostIdle = 8;
+// What is idle keeps its memory, so only a few are kept: engines for a small batch of cameras.
+constexpr size_t kMostIdle = 8, kMostIdleGaussians = 2;
 
 // Opened devices by the OpenCL device. Never destroyed: at exit drivers may be gone before static
 // objects are, and arrays of Python objects may still refer to a device.
@@ -57,20 +57,38 @@ std::string key_of(const EngineSettings& s) {
 
 Device::Device(Queue opened) : queue(std::move(opened)), posed(queue), camera_gradients(queue) {}
 
-Device::EngineLoan Device::engine(const EngineSettings& settings) {
+Device::Loan<Engine> Device::engine(const EngineSettings& settings) {
   const std::string key = key_of(settings);
   const std::lock_guard<std::mutex> lock(idle_mutex_);
   const auto found = idle_.find(key);
-  if (found == idle_.end()) return {new Engine(queue, settings), GiveBack{this, key}};
-  EngineLoan engine(found->second.release(), GiveBack{this, key});
+  if (found == idle_.end()) return {new Engine(queue, settings), {this, key}};
+  Loan<Engine> engine(found->second.release(), {this, key});
   idle_.erase(found);
   return engine;
 }
 
-void Device::take_back(const std::string& key, Engine* engine) {
-  std::unique_ptr<Engine> owned(engine);
+Device::Loan<Device::Gaussians> Device::gaussians() {
   const std::lock_guard<std::mutex> lock(idle_mutex_);
-  if (idle_.size() < kMostIdle) idle_.emplace(key, std::move(owned));
+  if (idle_gaussians_.empty()) return {new Gaussians, {this, ""}};
+  Loan<Gaussians> gaussians(idle_gaussians_.back().release(), {this, ""});
+  idle_gaussians_.pop_back();
+  return gaussians;
+}
+
+void Device::take_back(const std::string& key, std::unique_ptr<Engine> engine) {
+  const std::lock_guard<std::mutex> lock(idle_mutex_);
+  if (idle_.size() < kMostIdle) idle_.emplace(key, std::move(engine));
+}
+
+void Device::take_back(const std::string&, std::unique_ptr<Gaussians> gaussians) {
+  const std::lock_guard<std::mutex> lock(idle_mutex_);
+  if (idle_gaussians_.size() < kMostIdleGaussians) idle_gaussians_.push_back(std::move(gaussians));
+}
+
+const float* Device::read(const Buffer<float>& buffer) {
+  if (host.size() < buffer.size()) host.resize(buffer.size());
+  buffer.read_to(queue, host.data());
+  return host.data();
 }
 
 Color& Device::color(int degree) {

@@ -22,15 +22,28 @@ class Device {
  public:
   explicit Device(Queue queue);
 
-  // An engine with these settings, whose programs may already be built. It goes back to this
-  // device, which keeps its buffers for the next one, when it is destroyed.
+  // On loan from this device, which gets it back when the loan ends and lends it again: its memory
+  // is not allocated anew.
+  template <class T>
   struct GiveBack {
     Device* device = nullptr;
     std::string key;
-    void operator()(Engine* engine) const { device->take_back(key, engine); }
+    void operator()(T* lent) const { device->take_back(key, std::unique_ptr<T>(lent)); }
   };
-  using EngineLoan = std::unique_ptr<Engine, GiveBack>;
-  EngineLoan engine(const EngineSettings& settings);
+  template <class T>
+  using Loan = std::unique_ptr<T, GiveBack<T>>;
+
+  // An engine with these settings.
+  Loan<Engine> engine(const EngineSettings& settings);
+  // Arrays for Gaussians at two times; of any size, contents are undefined.
+  struct Gaussians {
+    GaussiansAt t1, t2;
+    Buffer<float> quats{"quats"}, scales{"scales"}, quats_t2{"quats_t2"}, scales_t2{"scales_t2"};
+  };
+  Loan<Gaussians> gaussians();
+
+  // The contents of a buffer in `host`, until the next call.
+  const float* read(const Buffer<float>& buffer);
 
   // Colours of spherical harmonics up to `degree`, 0 to 3.
   Color& color(int degree);
@@ -39,17 +52,20 @@ class Device {
   std::mutex mutex;
   Posed posed;
   CameraGradients camera_gradients;
-  // Scratch memory of one backward pass.
+  // Scratch memory of one view.
+  std::vector<float> host;
   ImageGradients v_images;
   GaussianGradients gradients, through_direction;
   Buffer<float> v_quats{"v_quats"}, v_scales{"v_scales"};
 
  private:
-  void take_back(const std::string& key, Engine* engine);
+  void take_back(const std::string& key, std::unique_ptr<Engine> engine);
+  void take_back(const std::string& key, std::unique_ptr<Gaussians> gaussians);
 
   std::array<std::unique_ptr<Color>, 4> colors_;
   std::mutex idle_mutex_;  // held for moments only, so also by threads with Python's lock
   std::multimap<std::string, std::unique_ptr<Engine>> idle_;
+  std::vector<std::unique_ptr<Gaussians>> idle_gaussians_;
 };
 
 // The chosen device. Throws NoUsableDevice as the command line does, and an Error in a process

@@ -13,25 +13,21 @@ Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-// The part of an interleaved image that one view has, as planes.
-std::vector<float> planes_of(const float* image, size_t pixels, size_t stride, size_t channels) {
-  std::vector<float> planes(pixels * channels);
+// Writes the part of an interleaved image that one view has as planes, through `host`.
+void write_planes(Queue& queue, const float* image, size_t pixels, size_t stride, size_t channels,
+                  std::vector<float>& host, Buffer<float>& to) {
+  if (host.size() < pixels * channels) host.resize(pixels * channels);
   for (size_t i = 0; i < pixels; ++i)
-    for (size_t c = 0; c < channels; ++c) planes[c * pixels + i] = image[i * stride + c];
-  return planes;
-}
-
-void write_values(Queue& queue, Buffer<float>& buffer, const std::vector<float>& values) {
-  buffer.ensure(queue, values.size());
-  buffer.write(queue, values);
+    for (size_t c = 0; c < channels; ++c) host[c * pixels + i] = image[i * stride + c];
+  to.write_from(queue, host.data());
 }
 
 // Copies the values of the first view, adds those of others. nullptr: not wanted.
-void take(Queue& queue, const Buffer<float>& buffer, float* into, bool first) {
+void take(Device& device, const Buffer<float>& buffer, float* into, bool first) {
   if (!into) return;
-  if (first) return buffer.read_to(queue, into);
-  const std::vector<float> values = buffer.read(queue);
-  for (size_t i = 0; i < values.size(); ++i) into[i] += values[i];
+  if (first) return buffer.read_to(device.queue, into);
+  const float* values = device.read(buffer);
+  for (size_t i = 0; i < buffer.size(); ++i) into[i] += values[i];
 }
 
 // The gradient by a viewmat [4, 4], given that by moves p' = exp([rotation]) p + translation of
@@ -60,27 +56,32 @@ void Rasterization::write_cotangents(size_t camera, const ImageCotangents& v) {
   const Images& images = engines_[camera]->images();
   const size_t pixels = input_.pixels(), stride = input_.channels();
   ImageGradients& to = device_.v_images;
+  std::vector<float>& host = device_.host;
   to.zero(queue, images, input_.flow, input_.depth);
   to.flow_in_parts = !v.flow;
-  std::vector<float> v_alpha(pixels);
-  if (v.alphas) std::copy_n(v.alphas + camera * pixels, pixels, v_alpha.begin());
-  if (v.colors) {
-    const float* v_colors = v.colors + camera * pixels * stride;
-    write_values(queue, to.v_rgb, planes_of(v_colors, pixels, stride, 3));
-    if (input_.depth) {
-      std::vector<float> v_depth = planes_of(v_colors + 3, pixels, stride, 1);
-      if (input_.expected_depth) {
-        const std::vector<float> depth = images.depth.read(queue), alpha = images.alpha.read(queue);
-        for (size_t i = 0; i < pixels; ++i) {
-          v_depth[i] = alpha[i] > kLeastAlpha ? v_depth[i] / alpha[i] : 0;
-          if (alpha[i] > kLeastAlpha) v_alpha[i] -= v_depth[i] * (depth[i] / alpha[i]);
-        }
-      }
-      write_values(queue, to.v_depth, v_depth);
-    }
+  if (v.colors)
+    write_planes(queue, v.colors + camera * pixels * stride, pixels, stride, 3, host, to.v_rgb);
+  if (v.flow) write_planes(queue, v.flow + camera * pixels * 2, pixels, 2, 2, host, to.v_flow);
+  const float* v_alphas = v.alphas ? v.alphas + camera * pixels : nullptr;
+  if (!v.colors || !input_.depth) {
+    if (v_alphas) to.v_alpha.write_from(queue, v_alphas);
+    return;
   }
-  write_values(queue, to.v_alpha, v_alpha);
-  if (v.flow) write_values(queue, to.v_flow, planes_of(v.flow + camera * pixels * 2, pixels, 2, 2));
+  const float* v_depths = v.colors + camera * pixels * stride + 3;
+  if (!input_.expected_depth) {
+    write_planes(queue, v_depths, pixels, stride, 1, host, to.v_depth);
+    if (v_alphas) to.v_alpha.write_from(queue, v_alphas);
+    return;
+  }
+  const std::vector<float> depth = images.depth.read(queue), alpha = images.alpha.read(queue);
+  std::vector<float> v_depth(pixels), v_alpha(pixels);
+  for (size_t i = 0; i < pixels; ++i) {
+    const bool drawn = alpha[i] > kLeastAlpha;
+    v_depth[i] = drawn ? v_depths[stride * i] / alpha[i] : 0;
+    v_alpha[i] = (v_alphas ? v_alphas[i] : 0) - (drawn ? v_depth[i] * (depth[i] / alpha[i]) : 0);
+  }
+  to.v_depth.write(queue, v_depth);
+  to.v_alpha.write(queue, v_alpha);
 }
 
 void Rasterization::backward(const ImageCotangents& v, const RasterizationGradients& to,
@@ -97,32 +98,32 @@ void Rasterization::backward(const ImageCotangents& v, const RasterizationGradie
       Engine& engine = *engines_[c];
       write_cotangents(c, v);
       g.zero(queue, n);
-      engine.backward(queue, t1_, second(), device_.v_images, g);
+      engine.backward(queue, g_->t1, second(), device_.v_images, g);
       if (to.means2d) g.v_means2d.read_to(queue, to.means2d + 2 * n * c);
       const bool by_camera = to.viewmats || to.viewmats_t2;
       if (by_camera)
-        device_.camera_gradients.start(queue, views_[c], input_.flow, engine.splats(), t1_,
+        device_.camera_gradients.start(queue, views_[c], input_.flow, engine.splats(), g_->t1,
                                        second(), g);
       const Vec3 v_centre = color_backward(c, first, by_camera);
       if (by_camera) read_camera_gradients(c, to, v_centre);
-      take(queue, g.v_means, to.means, first);
-      take(queue, g.v_opacities, to.opacities, first);
+      take(device_, g.v_means, to.means, first);
+      take(device_, g.v_opacities, to.opacities, first);
       if (!colors_of(c).harmonics && to.colors) {
         const size_t at = input_.colors_per_camera ? 3 * n * c : 0;
-        take(queue, g.v_colors, to.colors + at, first || input_.colors_per_camera);
+        take(device_, g.v_colors, to.colors + at, first || input_.colors_per_camera);
       }
       if (to.quats || to.scales) {
-        device_.posed.backward(queue, quats_, scales_, g.v_factors, device_.v_quats,
+        device_.posed.backward(queue, g_->quats, g_->scales, g.v_factors, device_.v_quats,
                                device_.v_scales);
-        take(queue, device_.v_quats, to.quats, first);
-        take(queue, device_.v_scales, to.scales, first);
+        take(device_, device_.v_quats, to.quats, first);
+        take(device_, device_.v_scales, to.scales, first);
       }
-      if (input_.flow) take(queue, g.v_means_t2, to.means_t2, first);
+      if (input_.flow) take(device_, g.v_means_t2, to.means_t2, first);
       if (input_.flow && (to.quats_t2 || to.scales_t2)) {
-        device_.posed.backward(queue, quats_t2_, scales_t2_, g.v_factors_t2, device_.v_quats,
+        device_.posed.backward(queue, g_->quats_t2, g_->scales_t2, g.v_factors_t2, device_.v_quats,
                                device_.v_scales);
-        take(queue, device_.v_quats, to.quats_t2, first);
-        take(queue, device_.v_scales, to.scales_t2, first);
+        take(device_, device_.v_quats, to.quats_t2, first);
+        take(device_, device_.v_scales, to.scales_t2, first);
       }
     }
     between();
@@ -146,7 +147,7 @@ std::array<double, 3> Rasterization::color_backward(size_t camera, bool first, b
   Color& color = device_.color(input_.sh_degree);
   const Buffer<cl_uint>& touched = engines_[camera]->splats().tiles_touched;
   if (!by_camera || input_.sh_degree == 0) {
-    color.backward(queue, p, bands(), views_[camera].camera, t1_, touched, g);
+    color.backward(queue, p, bands(), views_[camera].camera, g_->t1, touched, g);
     return v_centre;
   }
   // The direction of view also depends on the camera: its part is summed before it is added.
@@ -155,7 +156,7 @@ std::array<double, 3> Rasterization::color_backward(size_t camera, bool first, b
   part.v_means.ensure(queue, 3 * n);
   part.v_means.fill(queue, 0);
   part.v_colors.swap_memory(g.v_colors);
-  color.backward(queue, p, bands(), views_[camera].camera, t1_, touched, part);
+  color.backward(queue, p, bands(), views_[camera].camera, g_->t1, touched, part);
   part.v_colors.swap_memory(g.v_colors);
   const std::vector<float> v_directions = part.v_means.read(queue);
   std::vector<float> v_means = g.v_means.read(queue);

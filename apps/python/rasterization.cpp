@@ -32,7 +32,7 @@ void write_from(Queue& queue, Buffer<float>& buffer, const float* data, size_t s
 }  // namespace
 
 Rasterization::Rasterization(Device& device, const RasterizationInput& input)
-    : device_(device), input_(input), backgrounds_(backgrounds_of(input)) {
+    : device_(device), input_(input), backgrounds_(backgrounds_of(input)), g_(device.gaussians()) {
   try {
     check();
   } catch (const Error& error) {
@@ -90,16 +90,16 @@ void Rasterization::upload() {
   Queue& queue = device_.queue;
   RasterizationInput& in = input_;
   const size_t n = in.gaussians;
-  write_from(queue, t1_.means, in.means, 3 * n);
-  write_from(queue, t1_.opacities, in.opacities, n);
-  write_from(queue, quats_, in.quats, 4 * n);
-  write_from(queue, scales_, in.scales, 3 * n);
-  device_.posed.forward(queue, quats_, scales_, t1_.factors);
+  write_from(queue, g_->t1.means, in.means, 3 * n);
+  write_from(queue, g_->t1.opacities, in.opacities, n);
+  write_from(queue, g_->quats, in.quats, 4 * n);
+  write_from(queue, g_->scales, in.scales, 3 * n);
+  device_.posed.forward(queue, g_->quats, g_->scales, g_->t1.factors);
   if (in.flow) {
-    write_from(queue, t2_.means, in.means_t2, 3 * n);
-    write_from(queue, quats_t2_, in.quats_t2, 4 * n);
-    write_from(queue, scales_t2_, in.scales_t2, 3 * n);
-    device_.posed.forward(queue, quats_t2_, scales_t2_, t2_.factors);
+    write_from(queue, g_->t2.means, in.means_t2, 3 * n);
+    write_from(queue, g_->quats_t2, in.quats_t2, 4 * n);
+    write_from(queue, g_->scales_t2, in.scales_t2, 3 * n);
+    device_.posed.forward(queue, g_->quats_t2, g_->scales_t2, g_->t2.factors);
   }
   const size_t color_sets = in.colors_per_camera ? in.cameras : 1;
   for (size_t set = 0; set < color_sets; ++set)
@@ -140,13 +140,13 @@ void Rasterization::forward(const RasterizationOutput& output,
       const std::lock_guard<std::mutex> lock(device_.mutex);
       engines_.push_back(device_.engine(input_.settings));
       Engine& engine = *engines_.back();
-      engine.project(queue, views_[c], channels, t1_);
+      engine.project(queue, views_[c], channels, g_->t1);
       Colors& colors = colors_of(c);
       if (colors.harmonics)
         device_.color(input_.sh_degree)
-            .forward(queue, *colors.harmonics, bands(), views_[c].camera, t1_,
+            .forward(queue, *colors.harmonics, bands(), views_[c].camera, g_->t1,
                      engine.splats().tiles_touched, colors.shown);
-      engine.draw(queue, backgrounds_[c], t1_, second(), colors.shown);
+      engine.draw(queue, backgrounds_[c], g_->t1, second(), colors.shown);
       read_images(c, output);
       read_geometry(c, output);
     }
@@ -159,20 +159,20 @@ void Rasterization::read_images(size_t camera, const RasterizationOutput& output
   Queue& queue = device_.queue;
   const Images& images = engines_[camera]->images();
   const size_t pixels = input_.pixels(), channels = input_.channels();
-  const std::vector<float> rgb = images.rgb.read(queue);
+  const float* rgb = device_.read(images.rgb);
   float* colors = output.colors + camera * pixels * channels;
   float* alphas = output.alphas + camera * pixels;
   images.alpha.read_to(queue, alphas);
   for (size_t i = 0; i < pixels; ++i)
     for (size_t c = 0; c < 3; ++c) colors[i * channels + c] = rgb[c * pixels + i];
   if (input_.depth) {
-    const std::vector<float> depth = images.depth.read(queue);
+    const float* depth = device_.read(images.depth);
     for (size_t i = 0; i < pixels; ++i)
       colors[i * channels + 3] =
           input_.expected_depth ? depth[i] / std::max(alphas[i], kLeastAlpha) : depth[i];
   }
   if (input_.flow) {
-    const std::vector<float> planes = images.flow.read(queue);
+    const float* planes = device_.read(images.flow);
     float* flow = output.flow + camera * pixels * 2;
     for (size_t i = 0; i < pixels; ++i) {
       flow[2 * i] = planes[i];
@@ -187,11 +187,11 @@ void Rasterization::read_geometry(size_t camera, const RasterizationOutput& outp
   Queue& queue = device_.queue;
   const Splats& splats = engines_[camera]->splats();
   const size_t n = input_.gaussians;
-  const std::vector<float> records = splats.records.read(queue);
+  const float* records = device_.read(splats.records);
   const std::vector<cl_uint> touched = splats.tiles_touched.read(queue);
   for (size_t i = 0; i < n; ++i) {
     const size_t row = camera * n + i;
-    const float* s = records.data() + SPLAT_FLOATS * i;
+    const float* s = records + SPLAT_FLOATS * i;
     const bool visible = touched[i] > 0 && std::isfinite(s[5]);  // not with a non-finite colour
     const float k1 = visible ? s[2] / SQRT_HALF_LOG2_E : 0;
     const float k2 = visible ? s[3] / SQRT_HALF_LOG2_E : 0;

@@ -100,7 +100,7 @@ class Rasterization {
   Colors upload_colors(const float* colors);
   Colors& colors_of(size_t camera) { return colors_[input_.colors_per_camera ? camera : 0]; }
   Bands bands() const { return {input_.sh_degree, input_.sh_degree}; }
-  const GaussiansAt& second() const { return input_.flow ? t2_ : t1_; }
+  const GaussiansAt& second() const { return input_.flow ? g_->t2 : g_->t1; }
   void read_images(size_t camera, const RasterizationOutput& output);
   void read_geometry(size_t camera, const RasterizationOutput& output);
   void write_cotangents(size_t camera, const ImageCotangents& v);
@@ -115,10 +115,9 @@ class Rasterization {
   std::vector<int32_t> broken_;
   std::vector<View> views_;
   std::vector<std::array<float, 3>> backgrounds_;
-  GaussiansAt t1_, t2_;
-  Buffer<float> quats_{"quats"}, scales_{"scales"}, quats_t2_{"quats_t2"}, scales_t2_{"scales_t2"};
+  Device::Loan<Device::Gaussians> g_;
   std::vector<Colors> colors_;
-  std::vector<Device::EngineLoan> engines_;  // one per camera
+  std::vector<Device::Loan<Engine>> engines_;  // one per camera
 };
 
 }  // namespace gflow::python

@@ -27,9 +27,9 @@ class _Rasterize(torch.autograd.Function):
     def forward(ctx, call, *tensors):
         given = {**call.given, **dict(zip(_TENSORS, tensors))}
         arrays = {name: None if t is None else t.detach().numpy() for name, t in zip(_TENSORS, tensors)}
-        raster, images, call.meta = rasterize({**given, **arrays}, gradients=any(ctx.needs_input_grad))
+        ctx.raster, images, call.meta = rasterize({**given, **arrays}, gradients=any(ctx.needs_input_grad))
         ctx.set_materialize_grads(False)
-        ctx.raster, ctx.call = raster, call
+        ctx.means2d = call.meta["means2d"] = torch.from_numpy(call.meta["means2d"])
         ctx.dtypes = [None if t is None else t.dtype for t in tensors]
         ctx.alphas = images["alphas"]
         dtype = tensors[0].dtype
@@ -49,7 +49,7 @@ class _Rasterize(torch.autograd.Function):
         gradients = ctx.raster.backward(cotangents, wanted + ["means2d"])
         if "backgrounds" in wanted and v_colors is not None and v_colors.shape[-1] >= 3:
             gradients["backgrounds"] = (as_array(v_colors, "colors")[..., :3] * (1 - ctx.alphas)).sum((1, 2))
-        _add_means2d(ctx.call.meta["means2d"], gradients["means2d"])
+        _add_means2d(ctx.means2d, gradients["means2d"])
         return (None, *(torch.from_numpy(gradients[name]).to(dtype) if name in gradients else None
                         for name, dtype in zip(_TENSORS, ctx.dtypes)))
 
@@ -60,7 +60,8 @@ def _add_means2d(means2d, gradient):
 
 
 class _Call:
-    """What forward() gets besides tensors, and the meta that it makes."""
+    """What forward() gets besides tensors, and the meta that it makes. Nothing of the graph refers to it: meta refers to
+    the graph, and the device's memory would wait for a collector of cycles."""
 
     def __init__(self, given):
         self.given, self.meta = given, None
@@ -94,7 +95,7 @@ def rasterization(*args, **kwargs):
     colors, alphas, flow = _Rasterize.apply(call, *(tensors[name] for name in _TENSORS))
     meta = call.meta
     for name, value in meta.items():
-        if name not in ("flow", "depth", "opacities") and hasattr(value, "dtype"):
+        if name not in ("flow", "depth", "opacities", "means2d") and hasattr(value, "dtype"):
             meta[name] = torch.from_numpy(value)
     meta["means2d"].requires_grad_(torch.is_grad_enabled() and colors.requires_grad)
     meta["opacities"] = tensors["opacities"].expand(meta["n_cameras"], -1)
