@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What rasterization() takes and refuses."""
+import ast
+import inspect
+import os
 import warnings
 
 import numpy as np
@@ -129,6 +132,17 @@ def test_broken_gaussians_are_left_out_and_named():
     assert meta["broken"].tolist() == [3, 5] and np.isfinite(colors).all()
     rest = {name: np.delete(array, [3, 5], 0) if len(array) == 14 else array for name, array in s.items()}
     np.testing.assert_array_equal(gflow.rasterization(**rest, width=32, height=24)[0], colors)
+
+
+@pytest.mark.parametrize("stub", ["__init__.pyi", "torch.pyi"])
+def test_type_stubs_have_the_same_arguments(stub):
+    with open(os.path.join(os.path.dirname(gflow.__file__), stub), encoding="utf-8") as file:
+        functions = {node.name: node.args for node in ast.parse(file.read()).body if isinstance(node, ast.FunctionDef)}
+    for name, args in functions.items():
+        signature = inspect.signature(getattr(gflow, name)).parameters.values()
+        assert [arg.arg for arg in args.args + args.kwonlyargs] == [p.name for p in signature]
+        defaults = [p.default for p in signature if p.default is not p.empty]
+        assert [ast.literal_eval(value) for value in args.defaults + args.kw_defaults] == defaults
 
 
 def test_devices_are_listed_with_their_checks():
