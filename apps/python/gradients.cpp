@@ -90,6 +90,7 @@ void Rasterization::backward(const ImageCotangents& v, const RasterizationGradie
   const size_t n = input_.gaussians;
   if (!input_.gradients || engines_.size() != input_.cameras)
     throw Error("rasterization: there is no forward pass to go back from");
+  const std::lock_guard<std::mutex> one(backward_mutex_);
   GaussianGradients& g = device_.gradients;
   for (size_t c = 0; c < input_.cameras; ++c) {
     {

@@ -27,8 +27,12 @@ class PyRasterization {
  public:
   explicit PyRasterization(const py::dict& arguments) {
     read(arguments);
+    {
+      const py::gil_scoped_release unlocked;
+      raster_ = std::make_unique<Rasterization>(current_device(), in_);
+    }
+    make_output();
     const py::gil_scoped_release unlocked;
-    raster_ = std::make_unique<Rasterization>(current_device(), in_);
     raster_->forward(out_, check_interrupt);
   }
 
@@ -77,7 +81,7 @@ class PyRasterization {
     return {array.shape(), array.shape() + array.ndim()};
   }
 
-  // Checks the arguments' shapes and makes the arrays of the result.
+  // Checks the arguments' shapes.
   void read(const py::dict& arguments) {
     const auto take = [&](const char* name, const Shape& shape) {
       shapes_[name] = shape;
@@ -117,7 +121,6 @@ class PyRasterization {
       in_.scales_t2 = take("scales_t2", {n, 3});
       in_.viewmats_t2 = take("viewmats_t2", {cameras, 4, 4});
     }
-    make_output(n, cameras);
   }
 
   // [N, 3] or, with sh_degree, [N, K, 3]; in front of it C if each camera has its own.
@@ -148,18 +151,14 @@ class PyRasterization {
     held_.push_back(std::move(colors));
   }
 
-  void make_output(py::ssize_t n, py::ssize_t cameras) {
+  void make_output() {
     const auto add = [](py::dict& to, const char* name, auto& field, Shape shape) {
       auto array = new_array<std::remove_pointer_t<std::decay_t<decltype(field)>>>(shape);
       field = array.mutable_data();
       to[name] = array;
     };
+    const py::ssize_t n = py::ssize_t(in_.gaussians), cameras = py::ssize_t(in_.cameras);
     const py::ssize_t h = in_.height, w = in_.width;
-    if (h < 1 || w < 1 || h > 65535 || w > 65535)  // before memory for them is asked for
-      throw InputError(fmt::format(
-          "rasterization: argument 'width, height' is {} x {} pixels, each should be a whole "
-          "number, 1 to 65535",
-          w, h));
     add(images_, "colors", out_.colors, {cameras, h, w, py::ssize_t(in_.channels())});
     add(images_, "alphas", out_.alphas, {cameras, h, w, 1});
     if (in_.flow) add(images_, "flow", out_.flow, {cameras, h, w, 2});

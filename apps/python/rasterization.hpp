@@ -81,7 +81,7 @@ class Rasterization {
 
   // `between` is called after each view, without the device's lock; it may throw to stop.
   void forward(const RasterizationOutput& output, const std::function<void()>& between);
-  // Any number of times after forward().
+  // Any number of times after forward(), by any thread.
   void backward(const ImageCotangents& v, const RasterizationGradients& gradients,
                 const std::function<void()>& between);
 
@@ -116,7 +116,8 @@ class Rasterization {
   std::vector<View> views_;
   std::vector<std::array<float, 3>> backgrounds_;
   Device::Loan<Device::Gaussians> g_;
-  std::vector<Colors> colors_;
+  std::vector<Colors> colors_;  // their gradients are those of one backward() at a time
+  std::mutex backward_mutex_;
   std::vector<Device::Loan<Engine>> engines_;  // one per camera
 };
 

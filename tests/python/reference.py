@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One view in double precision with PyTorch's derivatives: every Gaussian at every pixel, no tiles. For a few Gaussians."""
+"""One view in double precision with derivatives by PyTorch: every Gaussian at every pixel, no tiles."""
 import torch
 
 DILATION = 0.3

@@ -70,6 +70,7 @@ SKEWED = np.array([[[30, 1, 16], [0, 30, 12], [0, 0, 1]]])
     ({"stop": "never"}, r"argument 'stop' is 'never', expected one of include, exclude"),
     ({"top_k": -1}, r"argument 'top_k' is -1, expected 0 to 1000000"),
     ({"scales_t2": np.full((14, 3), -1)}, r"argument 'scales_t2' has -1 for Gaussian 0"),
+    ({"means": [[1, 2, 3], [4]]}, r"argument 'means' is not an array: its rows differ in length"),
     ({"means_t2": np.zeros((3, 3))}, r"argument 'means_t2' has shape \(3, 3\), expected \(14, 3\)"),
 ])
 def test_values_out_of_range_are_input_errors(changes, sentence):
@@ -77,6 +78,22 @@ def test_values_out_of_range_are_input_errors(changes, sentence):
         call(**changes)
     assert isinstance(caught.value, ValueError) and isinstance(caught.value, gflow.Error)
     assert str(caught.value).startswith("rasterization: ")
+
+
+def test_images_larger_than_the_device_are_refused():
+    with pytest.raises(gflow.InputError, match=r"images of the size in argument 'width, height' need .* MiB|at once"):
+        call(width=65535, height=65535)
+
+
+def test_tensors_with_gradients_belong_to_gflow_torch():
+    torch = pytest.importorskip("torch")
+    import gflow.torch
+    with pytest.raises(TypeError, match="gflow.torch.rasterization takes tensors with gradients"):
+        call(means=torch.zeros(14, 3, requires_grad=True))
+    with pytest.raises(TypeError, match="argument 'means' is on meta, expected the CPU"):
+        gflow.torch.rasterization(torch.zeros(14, 3, device="meta"), *[None] * 6, width=32, height=24)
+    with pytest.raises(TypeError, match="argument 'quats' is not a tensor: "):
+        gflow.torch.rasterization(torch.zeros(14, 3), "turned", *[None] * 5, width=32, height=24)
 
 
 def test_defaults_of_gsplat_are_accepted():

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gradients of gflow.torch.rasterization against PyTorch's of the double-precision reference."""
+import os
+
 import numpy as np
 import pytest
 from scenes import SIZE, one_view, scene, without_motion
@@ -10,11 +12,11 @@ import reference  # noqa: E402
 import gflow.torch  # noqa: E402
 
 GAUSSIANS = ("means", "quats", "scales", "opacities", "colors", "means_t2", "quats_t2", "scales_t2")
-CHANNELS = {"rgb": 3, "alpha": 0, "depth": 0, "expected depth": 0, "flow": 2}
+ORACLE = os.path.join(os.path.dirname(__file__), "../data/oracle")
 
 
 def moved(move, viewmat):
-    """The viewmat after a small motion of the camera: rotation and translation [6], 0 here, where its slope is exact."""
+    """The viewmat after a small motion of the camera, rotation and translation [6]; its slope at 0 is exact."""
     w, zero = move[:3], torch.zeros((), dtype=move.dtype)
     step = torch.stack([torch.stack([zero, -w[2], w[1], move[3]]), torch.stack([w[2], zero, -w[0], move[4]]),
                         torch.stack([-w[1], w[0], zero, move[5]]), torch.stack([zero] * 4)])
@@ -23,7 +25,7 @@ def moved(move, viewmat):
 
 def leaves(s, dtype):
     tensors = {name: torch.tensor(array, dtype=dtype) for name, array in s.items()}
-    moves = {"move": torch.zeros(len(s["viewmats"]), 6, dtype=dtype), "move_t2": torch.zeros(len(s["viewmats"]), 6, dtype=dtype)}
+    moves = {name: torch.zeros(len(s["viewmats"]), 6, dtype=dtype) for name in ("move", "move_t2")}
     for name, tensor in {**tensors, **moves}.items():
         tensor.requires_grad_(name in GAUSSIANS or name in ("move", "move_t2", "backgrounds"))
     given = dict(tensors)
@@ -98,6 +100,26 @@ def test_spherical_harmonics_and_the_direction_of_view(degree):
 @pytest.mark.parametrize("options", [{"stop": "include"}, {"top_k": 3}])
 def test_rules(options):
     compare(scene(n=30, seed=2), bound=1e-4, **options)
+
+
+@pytest.mark.parametrize("name", ["small_material", "small_paper"])
+@pytest.mark.parametrize("loss", ["rgb", "alpha", "depth", "flow"])
+def test_oracle(name, loss):
+    with np.load(os.path.join(ORACLE, name + ".npz")) as file:
+        s = dict(file)
+    tensors = {n: torch.tensor(s[n], requires_grad=True) for n in GAUSSIANS}
+    batch = {n: s[o][None] for n, o in {"viewmats": "viewmat", "viewmats_t2": "viewmat_t2", "Ks": "K",
+                                        "backgrounds": "background"}.items()}
+    width, height = (int(side) for side in s["size"])
+    colors, alphas, meta = gflow.torch.rasterization(**tensors, **batch, width=width, height=height, stop="include",
+                                                     render_mode="RGB+D", transport=name[6:])
+    images = {"rgb": colors[0, ..., :3], "alpha": alphas[0, ..., 0], "depth": colors[0, ..., 3], "flow": meta["flow"][0]}
+    (images[loss] * torch.tensor(s["v_" + loss])).sum().backward()
+    compared = [n for n in GAUSSIANS if np.abs(s.get(f"g_{loss}_{n}", 0)).max() > 0]
+    assert len(compared) >= 4
+    for n in compared:
+        exact = s[f"g_{loss}_{n}"]
+        assert np.linalg.norm(tensors[n].grad.numpy() - exact) < 1e-5 * np.linalg.norm(exact), n
 
 
 def test_what_does_not_move_has_gradients_of_both_times():

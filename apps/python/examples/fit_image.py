@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Fits flat Gaussians to an image by gradient descent: fit_image.py [image [steps]]. Without an image, to one of its own."""
+"""Fits flat Gaussians to an image by gradient descent: fit_image.py [image [steps]]; without one, to one of its own."""
 import sys
 
 import numpy as np

@@ -38,7 +38,10 @@ def as_array(value, name):
         except (BufferError, RuntimeError, TypeError, ValueError) as error:
             raise TypeError(f"rasterization: argument '{name}' cannot be read as an array on the CPU ({error}); "
                             "gflow.torch.rasterization takes tensors with gradients") from None
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise _core.InputError(f"rasterization: argument '{name}' is not an array: its rows differ in length") from None
     if array.dtype.kind not in "fiu":
         raise TypeError(f"rasterization: argument '{name}' has elements of type {array.dtype}, expected real numbers")
     return np.ascontiguousarray(array, dtype=np.float32) if array.ndim else array.astype(np.float32)

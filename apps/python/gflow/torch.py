@@ -68,7 +68,10 @@ class _Call:
 
 
 def _tensor(value, name):
-    tensor = torch.as_tensor(value)
+    try:
+        tensor = torch.as_tensor(value)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise TypeError(f"rasterization: argument '{name}' is not a tensor: {error}") from None
     if tensor.device.type != "cpu":
         raise TypeError(f"rasterization: argument '{name}' is on {tensor.device}, expected the CPU, from where gflow's "
                         "OpenCL device takes it: use .cpu()")
