@@ -8,25 +8,14 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
-#include <nlohmann/json.hpp>
 
+#include "apps/common/checked_device.hpp"
 #include "apps/common/options.hpp"
-#include "optim/motion/gradient_check.hpp"
 #include "runtime/cl/environment.hpp"
 #include "runtime/files/json_text.hpp"
 
 namespace gflow {
 namespace {
-
-struct CheckedDevice {
-  DeviceInfo info;
-  SelfCheck rows;
-  std::string reason;  // why the device is unusable; empty if it is usable
-};
-
-std::string type_of(const DeviceInfo& info) {
-  return info.is_cpu ? "CPU" : info.is_gpu ? "GPU" : "other";
-}
 
 std::string bytes_text(uint64_t bytes) {
   if (bytes >= (10ull << 30)) return fmt::format("{:.1f} GiB", double(bytes) / double(1ull << 30));
@@ -36,20 +25,6 @@ std::string bytes_text(uint64_t bytes) {
 
 std::string verdict(const CheckedDevice& device) {
   return device.reason.empty() ? "usable" : "unusable: " + device.reason;
-}
-
-CheckedDevice checked(const DeviceInfo& info) {
-  CheckedDevice device{info, {}, ""};
-  try {
-    Queue queue(find_device(std::to_string(info.index)));
-    device.rows = full_self_check(queue);
-    for (const SelfCheckRow& row : device.rows)
-      if (!row.passed && device.reason.empty())
-        device.reason = fmt::format("{}: {:.3g} exceeds {:.3g}", row.name, row.value, row.bound);
-  } catch (const Error& error) {
-    device.reason = error.what();
-  }
-  return device;
 }
 
 void print_table(const CheckedDevice& device) {
@@ -75,30 +50,6 @@ void print_table(const CheckedDevice& device) {
     fmt::print("   check  {:<42} {:>10.3g}  at most {:<8.3g} {}\n", row.name, row.value, row.bound,
                row.passed ? "ok" : "FAILS");
   fmt::print("   {}\n\n", verdict(device));
-}
-
-nlohmann::ordered_json as_json(const CheckedDevice& device) {
-  const DeviceInfo& info = device.info;
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  for (const SelfCheckRow& row : device.rows)
-    rows.push_back(
-        {{"name", row.name}, {"figure", row.value}, {"bound", row.bound}, {"passed", row.passed}});
-  return {{"index", info.index},
-          {"name", info.name},
-          {"platform", info.platform},
-          {"type", type_of(info)},
-          {"compute_units", info.compute_units},
-          {"memory_bytes", info.global_memory},
-          {"max_allocation_bytes", info.max_allocation},
-          {"local_memory_bytes", info.local_memory},
-          {"fp64", info.fp64},
-          {"lanes", info.lanes},
-          {"max_work_group", info.max_work_group},
-          {"driver", info.driver},
-          {"opencl", info.version},
-          {"self_check", rows},
-          {"usable", device.reason.empty()},
-          {"reason", device.reason}};
 }
 
 // All devices, or the one that --device selects.

@@ -20,6 +20,7 @@
 #include "optim/formats/four_dgs.hpp"
 #include "optim/formats/splat_table.hpp"
 #include "optim/images/video.hpp"
+#include "optim/scene/cameras_json.hpp"
 #include "optim/scene/readers/reader_util.hpp"
 #include "runtime/base/lower.hpp"
 #include "runtime/base/output.hpp"

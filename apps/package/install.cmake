@@ -1,6 +1,6 @@
 # cmake --install: the program, headers and libraries for find_package(gflow), and kernel sources to read
-# or modify (GFLOW_KERNEL_DIR). cpack makes two Debian packages of it: the component program is `gflow`,
-# dev is `gflow-dev`.
+# or modify (GFLOW_KERNEL_DIR), and the Python module (apps/python). cpack makes Debian packages of it: the
+# component program is `gflow`, dev is `gflow-dev`, python is `python3-gflow`.
 install(TARGETS gflow RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 install(DIRECTORY kernels/ DESTINATION ${CMAKE_INSTALL_DATADIR}/gflow/kernels COMPONENT program
         FILES_MATCHING PATTERN "*.cl" PATTERN "*.h")
@@ -45,6 +45,10 @@ set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "Trains moving 3D Gaussian scenes from vid
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_ALL program dev)
+if(TARGET gflow_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+  install(FILES apps/package/copyright DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/python3-gflow COMPONENT python)
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_STRIP_FILES ON)
 
@@ -53,6 +57,18 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "pocl-opencl-icd | opencl-icd")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS colmap)  # gflow cameras --method colmap
+
+if(TARGET gflow_python)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-gflow)
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+  set(CPACK_DEBIAN_PYTHON_DESCRIPTION "The Python module gflow: differentiable rendering of moving 3D Gaussians.")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+  find_package(Python COMPONENTS Interpreter QUIET)
+  math(EXPR next_minor "${Python_VERSION_MINOR} + 1")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+      "python3 (>= 3.${Python_VERSION_MINOR}), python3 (<< 3.${next_minor}), python3-numpy, pocl-opencl-icd | opencl-icd")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-torch)  # gflow.torch
+endif()
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME gflow-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)

@@ -64,6 +64,13 @@ class Buffer {
   void write_range(Queue& queue, size_t first, const std::vector<T>& data) {
     enqueue_write(queue, first, data, CL_TRUE);
   }
+  // Copies size() elements from the host; blocks.
+  void write_from(Queue& queue, const T* data) {
+    if (size_)
+      queue.wait("writing " + describe(), [&] {
+        queue.handle.enqueueWriteBuffer(handle_, CL_TRUE, 0, size_ * sizeof(T), data);
+      });
+  }
   // Like write(), but does not block: the caller keeps `data` alive and unchanged until the queue
   // was waited for (finish() or any blocking read).
   void write_async(Queue& queue, const std::vector<T>& data) {
@@ -73,6 +80,13 @@ class Buffer {
 
   // The whole contents; blocks until all queued work is done.
   std::vector<T> read(Queue& queue) const { return read_range(queue, 0, size_); }
+  // Copies size() elements to the host; blocks likewise.
+  void read_to(Queue& queue, T* data) const {
+    if (size_)
+      queue.wait("reading " + describe(), [&] {
+        queue.handle.enqueueReadBuffer(handle_, CL_TRUE, 0, size_ * sizeof(T), data);
+      });
+  }
   // Like read(), but does not block: the caller keeps `data` alive until the event was waited for.
   cl::Event read_async(Queue& queue, std::vector<T>& data) const {
     data.resize(size_);
