@@ -181,6 +181,8 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   const std::string report = report::write_run_report(
       queue, run, evaluation, tested ? "test" : "train", version_text(), notices.sentences());
   if (!report.empty()) print_result("report    {}\n", report);
+  if (view)
+    print_result("view      `gflow view {}`: the viewer of the training has ended\n", run.folder());
   if (flags.profile) print_timings(queue);
 }
 

@@ -98,7 +98,7 @@ std::string view_html(const ShownView& view, bool is_worst, size_t parts) {
           part(view.error, "error × 4", "Error of the render of " + at);
   if (!view.flow.empty())
     html += part(view.flow, "flow of the model", "Flow of the model in " + at);
-  if (!view.target.empty()) html += part(view.target, "target flow", "Target flow in " + at);
+  if (!view.target.empty()) html += part(view.target, "reference flow", "Reference flow in " + at);
   return html + "</div>\n</article>\n";
 }
 

@@ -20,7 +20,7 @@ TEST_F(ReportCommand, TrainWritesTheReportOfItsRun) {
   EXPECT_TRUE(is_in(page, "15 images of 3 cameras at 5 time steps, 48 × 40 pixels"));
   EXPECT_TRUE(is_in(page, "5 views held back for testing from 1 camera"));
   EXPECT_TRUE(is_in(page, "Render of cam00_0000, time step 0"));
-  EXPECT_TRUE(is_in(page, "<figcaption>target flow</figcaption>"));
+  EXPECT_TRUE(is_in(page, "<figcaption>reference flow</figcaption>"));
   EXPECT_LT(page.size(), size_t{3} << 20);
 }
 

@@ -115,13 +115,13 @@ TEST(RunReport, OfARunWithoutViewsOrLogIsAPage) {
 TEST(RunReport, ShowsFlowBesideTargetFlowOnlyWhereThereIsFlow) {
   RunReport report = small_report();
   std::string page = run_report_html(report);
-  EXPECT_FALSE(has(page, "target flow"));
+  EXPECT_FALSE(has(page, "reference flow"));
   EXPECT_FALSE(has(page, "Flow error"));
   report.views[0].flow = report.views[0].target = report.views[0].truth;
   report.flow_length = 7.5;
   report.evaluation.mean.flow_epe_dynamic = 1.25;
   page = run_report_html(report);
-  EXPECT_TRUE(has(page, "<figcaption>target flow</figcaption>"));
+  EXPECT_TRUE(has(page, "<figcaption>reference flow</figcaption>"));
   EXPECT_TRUE(has(page, "strongest at 7.5 px"));
   EXPECT_TRUE(has(page, "<dt>Flow error, moving</dt><dd>1.250 <span>px</span></dd>"));
   expect_balanced(page);

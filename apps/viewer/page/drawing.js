@@ -43,7 +43,7 @@ export function draw(full = false) {
     showComparison(drawn ? other.canvas : null, framing.frame, framing.second, [other?.run?.name ?? '', pane.run.name]);
   } else {
     const address = comparing && camera && camera.image !== false ? pane.run.imageAddress(index) : '';
-    const taken = camera && Math.abs(stepAt(camera.time) - stepAt(state.time)) > 0.5 ? ` at step ${frameOf(camera.time)}` : '';
+    const taken = camera && Math.abs(stepAt(camera.time) - stepAt(state.time)) > 0.01 ? ` at step ${frameOf(camera.time)}` : '';
     showComparison(address ? truthAt(address) : null, framing.frame, framing.second, [`True image${taken}`, 'Model']);
   }
   drawOverlay(framing, shown);

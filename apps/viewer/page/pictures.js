@@ -41,6 +41,7 @@ export const psnrNow = () => psnr;
 async function measure() {
   const camera = cameraIndex();
   if (state.playing || app.recording || camera < 0 || state.mode !== 'color') return;
+  if (Math.abs((app.info.cameras[camera].time ?? state.time) - state.time) > 1e-4) return;  // the image is of another time
   const { width, height, pixels } = await capture({ camera });
   psnr = psnrOfTruth(pixels, width, height);
   if (psnr === undefined) timer = setTimeout(measure, 300);

@@ -111,9 +111,10 @@ export function useCameras() {
   // Up is that of the cameras on average: minus their y axes.
   const sum = [0, 1, 2].map((k) => -cameras.reduce((all, { viewmat }) => all + viewmat[4 + k], 0)), norm = Math.hypot(...sum);
   free.up = app.pane.model.up ?? (norm > 0.1 * cameras.length && norm > 0 ? sum.map((x) => x / norm) : [0, -1, 0]);
-  const wanted = cameraIndex();
+  const wanted = cameraIndex(), { time } = state;
   if (state.free && free.fromText(state.free)) { state.camera = null; state.fov = degrees(free.fov); } else if (wanted >= 0) setCamera(wanted);
   else resetCamera();
+  if (time > 0) setTime(time);  // that of the address, rather than of the camera
 }
 
 export function attachViews() {
