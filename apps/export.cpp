@@ -307,8 +307,8 @@ void export_html(const ExportFlags& flags, const GlobalOptions& options) {
   print_result("written   {}, {} of {} Gaussians, {:.1f} MB; open it in a browser\n", flags.output,
                model.count, model.whole, double(page.size()) / 1e6);
   if (flags.compact)
-    print_result("rounded   its pictures have a PSNR of {:.1f} dB against the model's\n",
-                 model.psnr);
+    print_result("rounded   its pictures have a PSNR of {:.1f} dB against the model's{}\n",
+                 model.psnr, model.has_poses ? ", before its poses are rounded" : "");
 }
 
 // --crop in the selection. Error if the box is empty.

@@ -112,7 +112,7 @@ TEST(RunReport, OfARunWithoutViewsOrLogIsAPage) {
   expect_balanced(run_report_html(report));
 }
 
-TEST(RunReport, ShowsFlowBesideTargetFlowOnlyWhereThereIsFlow) {
+TEST(RunReport, ShowsFlowBesideReferenceFlowOnlyWhereThereIsFlow) {
   RunReport report = small_report();
   std::string page = run_report_html(report);
   EXPECT_FALSE(has(page, "reference flow"));
