@@ -27,7 +27,7 @@ install(TARGETS gflow_base gflow_runtime gflow_formats gflow_engine EXPORT engin
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
 install(EXPORT engine NAMESPACE gflow:: FILE gflowEngineTargets.cmake DESTINATION ${PACKAGE_DIR} COMPONENT dev)
 if(OpenCV_FOUND)
-  install(TARGETS gflow_scene gflow_cameras gflow_networks gflow_guidance gflow_train EXPORT train
+  install(TARGETS gflow_scene gflow_cameras gflow_networks gflow_guidance gflow_train gflow_experiments gflow_report EXPORT train
           ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
   install(EXPORT train NAMESPACE gflow:: FILE gflowTrainTargets.cmake DESTINATION ${PACKAGE_DIR} COMPONENT dev)
 endif()

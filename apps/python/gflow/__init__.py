@@ -7,6 +7,11 @@
 
 gflow.rasterization   Gaussians and cameras to images, NumPy in and out, as gsplat.rasterization
 gflow.torch           the same for PyTorch tensors, with gradients
+gflow.train           trains a moving splat from video, with a callback and losses of your own
+gflow.Scene, Model    cameras and images; a trained model, to render, convert and save
+gflow.optical_flow    between two images
+gflow.export          a model for other programs, or as a page with a viewer
+gflow.experiment      many trainings from a file, as a table
 gflow.devices         the OpenCL devices and their self-checks
 gflow.device          the device in use; chooses another one
 
@@ -18,6 +23,14 @@ from gflow._arguments import rasterize as _rasterize
 from gflow._core import DeviceError, Error, InputError, OutOfMemoryError
 
 __all__ = ["rasterization", "devices", "device", "Error", "InputError", "DeviceError", "OutOfMemoryError"]
+if hasattr(_core, "train"):  # built with OpenCV
+    from gflow._model import Model, Pictures
+    from gflow._program import experiment, export
+    from gflow._scene import Camera, Scene, View, optical_flow
+    from gflow._train import Objective, RenderedView, TrainResult, TrainState, settings, train
+
+    __all__ += ["Model", "Pictures", "experiment", "export", "Camera", "Scene", "View", "optical_flow", "Objective",
+                "RenderedView", "TrainResult", "TrainState", "settings", "train"]
 
 for _class in (Error, InputError, DeviceError, OutOfMemoryError):
     _class.__module__ = "gflow"
