@@ -61,12 +61,13 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS colmap)  # gflow cameras --method colm
 if(TARGET gflow_python)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-gflow)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
-  set(CPACK_DEBIAN_PYTHON_DESCRIPTION "The Python module gflow: differentiable rendering of moving 3D Gaussians.")
+  set(CPACK_DEBIAN_PYTHON_DESCRIPTION "The Python module gflow: differentiable rendering and training of moving 3D Gaussians.")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
   find_package(Python COMPONENTS Interpreter QUIET)
   math(EXPR next_minor "${Python_VERSION_MINOR} + 1")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
       "python3 (>= 3.${Python_VERSION_MINOR}), python3 (<< 3.${next_minor}), python3-numpy, pocl-opencl-icd | opencl-icd")
+  set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS gflow)  # gflow.export, gflow.experiment
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-torch)  # gflow.torch
 endif()
 
