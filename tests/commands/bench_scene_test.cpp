@@ -17,7 +17,7 @@ TEST(Bench, ParetoTrainsWithEachChoiceForTheSameTime) {
   const SmallScene scene(queue);
   const TemporaryFolder folder;
   const Outcome outcome =
-      small_pareto({"--knob", "transport", "--scene", scene.path(), "--steps", "12", "--seeds", "2",
+      small_pareto({"--knob", "transport", "--scene", scene.path(), "--steps", "12", "--seeds", "1",
                     "--set", "density.enabled=false", "--json", folder.file("a.json"), "--markdown",
                     folder.file("a.md"), "--plots", folder.file("plots"), "--quiet"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;

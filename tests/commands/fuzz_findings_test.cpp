@@ -48,9 +48,9 @@ bool waits_for_a_process(const fuzz::Target& target) {
   return target.name == std::string("guidance");
 }
 
-// Files of 2 MB. `tests/fuzz/run` uses larger ones, for which the fixed 64 MB matter less.
+// Files of 1 MB. `tests/fuzz/run` uses larger ones, for which the fixed 64 MB matter less.
 TEST(FuzzFindings, LongFilesTakeTheMemoryTheyMay) {
-  constexpr size_t size = 2 << 20;
+  constexpr size_t size = 1 << 20;
   double most = 0;
   for (const fuzz::Target& target : fuzz::targets()) {
     if (waits_for_a_process(target)) continue;
