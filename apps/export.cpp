@@ -308,7 +308,7 @@ void export_html(const ExportFlags& flags, const GlobalOptions& options) {
                model.count, model.whole, double(page.size()) / 1e6);
   if (flags.compact)
     print_result("rounded   its pictures have a PSNR of {:.1f} dB against the model's{}\n",
-                 model.psnr, model.has_poses ? ", before its poses are rounded" : "");
+                 model.psnr, model.rounds_motion ? ", before its paths are rounded" : "");
 }
 
 // --crop in the selection. Error if the box is empty.

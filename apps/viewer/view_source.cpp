@@ -211,7 +211,7 @@ ViewSource::FileModel ViewSource::model_of_file(const Selection& selection, bool
     require_some_left(model, file.whole, path_);
   }
   file.count = model.count;
-  file.has_poses = needs_poses(model);
+  file.rounds_motion = needs_poses(model) || model.shape.motion == MotionModelKind::keyframes;
   if (compact) {
     HostModel rounded = rounded_model(model);
     file.psnr = device_.with_queue([&](Queue& queue) {

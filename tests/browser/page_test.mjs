@@ -148,18 +148,35 @@ await test('without WebGL2 it says so', async () => {
   await page.close();
 });
 
-await test('the exported page opens from disk and draws the same', async () => {
-  const exported = join(folder, 'scene.html'), run = readFileSync(join(folder, 'scene.run'), 'utf8').trim();
-  const served = await opened(`#run=${ids[run]}`), camera = await served.run('gflow.info.cameras.findIndex((c) => c.split === "test")');
-  const truth = await picture(served, { camera, time: 0 });
-  await served.close();
-  const page = await browser.page(pathToFileURL(exported).href, { width: 640, height: 480 });
-  await page.until('window.gflow?.model && window.gflow.sorter.result');
-  const { psnr } = compare((await picture(page, { camera, time: 0 })).pixels, { ...truth, channels: 4 });
-  expect(!page.errors.length, page.errors[0]);
-  await page.close();
-  expect(psnr > 45, `PSNR ${psnr.toFixed(1)} dB`);
-  return `PSNR ${psnr.toFixed(1)} dB`;
+const exportedPage = async (path) => browser.page(pathToFileURL(path).href, { width: 640, height: 480 });
+for (const model of models)
+  await test(`the exported page of ${model} opens from disk and draws the same`, async () => {
+    const served = await opened(`#run=${ids[model]}`), camera = await served.run('gflow.info.cameras.findIndex((c) => c.split === "test")');
+    const truth = await picture(served, { camera, time: 0.3 });
+    await served.close();
+    const page = await exportedPage(join(folder, `scene_${model}.html`));
+    await page.until('window.gflow?.model && window.gflow.sorter.result');
+    const { psnr } = compare((await picture(page, { camera, time: 0.3 })).pixels, { ...truth, channels: 4 });
+    expect(!page.errors.length, page.errors[0]);
+    await page.close();
+    expect(psnr > 45, `PSNR ${psnr.toFixed(1)} dB`);
+    return `PSNR ${psnr.toFixed(1)} dB`;
+  });
+
+await test('a truncated or changed exported page says so', async () => {
+  const whole = readFileSync(join(folder, `scene_${models[0]}.html`), 'latin1'), path = join(folder, 'damaged.html'), said = [];
+  const middle = (id) => { const at = whole.indexOf(`id="${id}"`); return Math.floor((at + whole.indexOf('</script>', at)) / 2); };
+  const changed = (id, by) => { const at = middle(id); return whole.slice(0, at) + by(whole[at]) + whole.slice(at + 1); }, other = (c) => (c === 'A' ? 'B' : 'A');
+  for (const text of [whole.slice(0, middle('gflow-model')), whole.slice(0, middle('gflow-scripts')), whole.slice(0, whole.indexOf('<style>') + 99),
+    ...['gflow-model', 'gflow-scripts', 'gflow-info'].map((id) => changed(id, other)), changed('gflow-model', () => '%')]) {
+    writeFileSync(path, text, 'latin1');
+    const page = await exportedPage(path);
+    await page.until('/truncated|damaged/.test(document.body?.innerText)', 20);
+    said.push(await page.run('document.body.innerText.match(/This file[^.]*/)[0]'));
+    expect(await page.run('document.getElementById("busy")?.hidden !== false'), 'it goes on loading');
+    await page.close();
+  }
+  return [...new Set(said)].join('; ');
 });
 
 await finish();
