@@ -59,6 +59,7 @@ class ViewSource {
              ViewDevice& device);
 
   const std::string& name() const { return name_; }
+  const std::string& path() const { return path_; }  // as it was given
   bool is_run() const { return run_.has_value(); }
   // Whether a process trains the run now.
   bool is_live() const;

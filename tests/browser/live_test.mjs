@@ -41,9 +41,9 @@ await test('the page says when the server has ended, and what it still shows', a
   const ended = new Promise((done) => server.on('exit', done));
   server.kill('SIGINT');
   await ended;
-  await page.until('!document.getElementById("gone").hidden', 20);
+  await page.until('!document.getElementById("gone").hidden');
   await page.run('const select = document.getElementById("run"); select.selectedIndex = 1; select.dispatchEvent(new Event("change"))');
-  await page.until('document.getElementById("message").textContent.includes("The picture is still of spacetime.")', 20);
+  await page.until('document.getElementById("message").textContent.includes("The picture is still of spacetime.")');
   expect(await page.run('document.getElementById("run").selectedIndex') === 0, 'the list names the other run');
   const note = await shown('message');
   await page.close();
