@@ -71,7 +71,7 @@ await test('a camera path plays, stays in the address, and is a cameras.json for
   const [before, time] = [await eye(), await page.run('gflow.state.time')];
   expect(before.some((x, k) => Math.abs(x - end[k]) > 1e-6) && time > 0, 'the camera or the time stands still');
   await page.key('g');
-  await page.until('location.hash.includes("path=")');
+  await page.until('location.hash.includes(new URLSearchParams({ path: gflow.state.path }))');
   const hash = await page.run('location.hash'), saved = await page.run(`new Promise((done) => {
     const create = URL.createObjectURL; HTMLAnchorElement.prototype.click = () => {};
     URL.createObjectURL = (blob) => { URL.createObjectURL = create; blob.text().then(done); return ''; };
