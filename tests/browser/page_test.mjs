@@ -12,14 +12,15 @@ function flowOf(path) {
   return { count: bytes.readInt32LE(4) * bytes.readInt32LE(8), at: (i) => [bytes.readFloatLE(12 + 8 * i), bytes.readFloatLE(16 + 8 * i)] };
 }
 
+const renders = readdirSync(folder).filter((name) => /^(render|flow)_/.test(name));
 const first = await opened();
 const ids = {};
-for (const model of models) ids[model] = await runNamed(first, model);
+for (const name of renders) ids[name.split('_')[1]] = await runNamed(first, name.split('_')[1]);
 await first.close();
 
-for (const model of models)
-  await test(`pictures of ${model} are those of gflow render`, async () => {
-    const page = await opened(`#run=${ids[model]}`), root = join(folder, `render_${model}`);
+for (const render of renders)
+  await test(`pictures of ${render.split('_')[1]} are those of gflow render`, async () => {
+    const page = await opened(`#run=${ids[render.split('_')[1]]}`), root = join(folder, render);
     const cameras = await page.run('gflow.info.cameras.map(({ name, split, time, step }, index) => ({ name, split, time, step, index }))');
     const views = cameras.filter(({ split }) => split === 'test'), worst = { psnr: Infinity, share: 0, largest: 0, epe: 0 };
     for (const share of [0, 0.5, 0.95]) {

@@ -6,18 +6,17 @@ import { wheelColors } from './shaders.js';
 
 let painted = '';
 export function showLegend({ mode, longestFlow, depthRange, nextTime }, { pixels }) {
-  const element = $('legend'), flow = mode === 'flow', { transport } = app.pane.model;
+  const element = $('legend'), flow = mode === 'flow';
   const difference = app.state.compare === 'difference' && app.isCompared, isLast = !(nextTime > app.state.time);
   element.hidden = !flow && !['depth', 'motion'].includes(mode) && !difference;
   if (element.hidden) return;
   const bar = difference ? 'difference' : mode;
   element.classList.toggle('depth', bar !== 'flow');
   element.firstElementChild.hidden = isLast && ['flow', 'motion'].includes(bar);
-  const asTrained = ['material', 'translate'].includes(transport) ? '' : `, by material transport (the run: ${transport})`;
   const arrows = app.state.arrows && arrowFactor() ? `; arrows ${arrowFactor()} ×` : '';
   element.lastElementChild.textContent = difference ? 'difference × 4: black is equal'
     : isLast && (flow || mode === 'motion') ? 'This is the last time step: there is no motion after it.'
-    : mode === 'motion' ? 'slow … fast; grey does not move' : flow ? `${(longestFlow / pixels).toPrecision(2)} px per step${arrows}${asTrained}`
+    : mode === 'motion' ? 'slow … fast; grey does not move' : flow ? `${(longestFlow / pixels).toPrecision(2)} px per step${arrows}`
     : `${depthRange[0].toPrecision(3)} … ${depthRange[1].toPrecision(3)}`;
   if (painted !== bar) paint(element.firstElementChild.getContext('2d'), bar);
   painted = bar;
