@@ -262,6 +262,24 @@ TEST(Thinned, LeavesOutTimesThatInterpolationGivesBack) {
   EXPECT_EQ(thinned(straight_poses(9, 1), one, 0.63).times.size(), 5u);
 }
 
+// Nearly all of a scene is still.
+TEST(Thinned, KeepsTheTimesOfOneGaussianAmongManyThatAreStill) {
+  HostModel many;
+  const BakedPoses one = straight_poses(9, 1);
+  BakedPoses poses;
+  poses.moving = 50;
+  poses.times = one.times;
+  for (size_t i = 0; i < 50; ++i) append_gaussian(many, {0, 0, 0}, 0.1f, some_color(0), 1);
+  for (size_t k = 0; k < 9; ++k)
+    for (size_t i = 0; i < 50; ++i)
+      for (size_t c = 0; c < 4; ++c) {
+        if (c < 3) poses.means.push_back(i == 7 ? one.means[3 * k + c] : 0);
+        poses.quats.push_back(one.quats[4 * k + c]);
+      }
+  EXPECT_EQ(thinned(poses, many, 0.62).times.size(), 9u);
+  EXPECT_EQ(thinned(poses, many, 0.63).times.size(), 5u);
+}
+
 TEST(BakedPoses, TakeAsManyTimesAsFit) {
   const std::vector<double> times{0, 0.1, 0.2, 0.4, 0.7, 1};
   EXPECT_EQ(times_within(times, 10, 6 * 400), times);

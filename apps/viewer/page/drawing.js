@@ -6,7 +6,7 @@ import { showComparison, truthAt, truthStep } from './compare.js';
 import { groupOf, pathOf } from './groups.js';
 import { showLegend } from './legend.js';
 import { drawOverlay } from './overlay.js';
-import { frameOf, nextTimeOf, stepAt } from './timeline.js';
+import { nextTimeOf, stepAt } from './timeline.js';
 import { frameView, isMoving } from './views.js';
 
 const { state } = app, canvas = $('canvas'), margin = [15 / 255, 17 / 255, 21 / 255];
@@ -44,10 +44,10 @@ export function draw(full = false) {
     showComparison(drawn ? other.canvas : null, framing.frame, framing.second, [other?.run?.name ?? '', pane.run.name]);
   } else {
     const address = comparing && camera && camera.image !== false ? pane.run.imageAddress(index) : '';
-    const image = address ? truthAt(address, stepAt(camera.time)) : null, step = truthStep();
+    const image = address ? truthAt(address, stepAt(camera.time)) : null, step = truthStep() ?? stepAt(camera?.time ?? 0);
+    const late = Math.abs(step - stepAt(state.time)) < 0.01 ? '' : ` of step ${Math.round(step)}`;
     app.isCompared = !!image;
-    const isOfThisTime = Math.abs((step ?? stepAt(camera?.time ?? 0)) - stepAt(state.time)) < 0.01;
-    showComparison(image, framing.frame, framing.second, [`True image${isOfThisTime ? '' : ` of step ${Math.round(step ?? stepAt(camera.time))}`}`, 'Model']);
+    showComparison(image, framing.frame, framing.second, [`True image${late}`, 'Model']);
   }
   drawOverlay(framing, shown);
 }
