@@ -13,6 +13,7 @@
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
 #include "apps/common/version.hpp"
+#include "apps/report/recorded_notices.hpp"
 #include "apps/report/write_run_report.hpp"
 #include "optim/runs/evaluate_run.hpp"
 #include "runtime/base/output.hpp"
@@ -98,8 +99,8 @@ void add_eval(CLI::App& app, const GlobalOptions& options) {
     const bool is_latest = flags->iteration == latest_iteration;
     const bool tested = std::filesystem::exists(run.path("results.json"));
     if (!is_latest || flags->split != (tested ? "test" : "train")) return;
-    const std::string report =
-        report::write_run_report(queue, run, evaluated.evaluation, flags->split, version_text());
+    const std::string report = report::write_run_report(
+        queue, run, evaluated.evaluation, flags->split, version_text(), report::read_notices(run));
     if (!report.empty()) print_result("report    {}\n", report);
   });
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gflow export`: writes a model as files for other programs.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
@@ -138,8 +139,31 @@ void require_no_other_frames(const std::string& folder, size_t frames) {
                     folder, frames, other));
 }
 
+// The cameras of the run, else those beside the file; none if there is no cameras.json.
+std::vector<Camera> own_cameras(const ModelSource& source) {
+  const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
+                                     : fs::path(source.path).replace_filename("cameras.json");
+  if (!fs::exists(beside)) return {};
+  return read_cameras_json(beside.string(), 1);
+}
+
+// Initial viewpoints of a viewer: own cameras, or an orbit around the model.
+std::vector<Camera> viewer_cameras(const ModelSource& source) {
+  std::vector<Camera> cameras = own_cameras(source);
+  if (!cameras.empty()) return cameras;
+  for (const RenderView& view : orbit_views(source.model, parse_times("0:1:8"), "-y"))
+    cameras.push_back(view.camera);
+  return cameras;
+}
+
+// A PLY's comment for viewers.
+void add_up(PlyTable& head, const std::optional<std::array<double, 3>>& up) {
+  if (up) head.comments.push_back(fmt::format("up {:.6g}", fmt::join(*up, " ")));
+}
+
 void export_sequence(Queue& queue, Model& model, const std::vector<double>& times,
-                     const std::string& folder, bool quiet) {
+                     const std::optional<std::array<double, 3>>& up, const std::string& folder,
+                     bool quiet) {
   std::error_code problem;
   fs::create_directories(folder, problem);
   if (problem)
@@ -150,8 +174,10 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   Progress progress("export", long(times.size()), quiet);
   for (size_t k = 0; k < times.size(); ++k) {
     SliceRows now(queue, model, times[k]);
+    PlyTable head = now.head();
+    add_up(head, up);
     try {
-      write_ply(folder + "/" + frame_name(k), now.head(),
+      write_ply(folder + "/" + frame_name(k), head,
                 [&](size_t i, float* values) { now.row(i, values); });
     } catch (const Error& problem) {
       throw Error(
@@ -164,18 +190,6 @@ void export_sequence(Queue& queue, Model& model, const std::vector<double>& time
   }
   progress.finish();
   print_result("written   {} PLY files in {}\n", times.size(), folder);
-}
-
-// Initial viewpoints of a viewer: the cameras of the run, else those beside the file, else an orbit
-// around the model.
-std::vector<Camera> viewer_cameras(const ModelSource& source) {
-  const fs::path beside = source.run ? fs::path(source.run->path("cameras.json"))
-                                     : fs::path(source.path).replace_filename("cameras.json");
-  if (fs::exists(beside)) return read_cameras_json(beside.string(), 1);
-  std::vector<Camera> cameras;
-  for (const RenderView& view : orbit_views(source.model, parse_times("0:1:8"), "-y"))
-    cameras.push_back(view.camera);
-  return cameras;
 }
 
 void require_no_times(const ExportFlags& flags) {
@@ -232,6 +246,7 @@ void export_four_dgs(const ExportFlags& flags, const ModelSource& source,
   const std::vector<Camera> cameras = viewer_cameras(source);
   pieces.viewpoint = viewpoint_of(cameras[0], host);
   pieces.eyes = eyes_of(cameras);
+  pieces.up = mean_up(own_cameras(source));
   write_four_dgs(flags.output, pieces);
   print_result("written   {}, {} Gaussians in {} linear pieces, {:.4g} s\n", flags.output,
                host.count, pieces.splats.size(), pieces.duration);
@@ -281,8 +296,11 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
   Queue queue = open_queue(options);
   Model model(queue, host, Purpose::rendering);
   host.groups.clear();
-  if (sequence) return export_sequence(queue, model, times, flags.output, options.quiet);
+  const auto up = mean_up(own_cameras(source));
+  if (sequence) return export_sequence(queue, model, times, up, flags.output, options.quiet);
   SliceRows now(queue, model, times[0]);
+  PlyTable head = now.head();
+  add_up(head, up);
   const auto row = [&](size_t i, float* values) { now.row(i, values); };
   const size_t rows = now.head().rows;
   if (rows == 0)
@@ -290,7 +308,7 @@ void export_model(const ExportFlags& flags, ModelSource& source, const GlobalOpt
         fmt::format("exporting {}: none of its {} Gaussians is visible at time {}; choose another "
                     "time with --times",
                     flags.model, host.count, times[0]));
-  if (flags.format == "ply") write_ply(flags.output, now.head(), row);
+  if (flags.format == "ply") write_ply(flags.output, head, row);
   if (flags.format == "splat") write_dot_splat(flags.output, rows, now.sh_degree(), row);
   print_result("written   {}, {} of {} Gaussians, at time {}\n", flags.output, rows, host.count,
                times[0]);
@@ -308,7 +326,7 @@ void export_html(const ExportFlags& flags, const GlobalOptions& options) {
                model.count, model.whole, double(page.size()) / 1e6);
   if (flags.compact)
     print_result("rounded   its pictures have a PSNR of {:.1f} dB against the model's{}\n",
-                 model.psnr, model.has_poses ? ", before its poses are rounded" : "");
+                 model.psnr, model.rounds_motion ? ", before its paths are rounded" : "");
 }
 
 // --crop in the selection. Error if the box is empty.

@@ -17,6 +17,7 @@
 #include "apps/common/options.hpp"
 #include "apps/common/report.hpp"
 #include "apps/common/version.hpp"
+#include "apps/common/view_options.hpp"
 #include "apps/report/recorded_notices.hpp"
 #include "apps/report/write_run_report.hpp"
 #include "apps/viewer/server.hpp"
@@ -40,7 +41,8 @@ struct TrainFlags {
   int64_t seed = 0;
   bool profile = false;
   bool resume = false, overwrite = false, allow_command = false, still = false, view = false;
-  int port = 8008;
+  ServerOptions server{"127.0.0.1", 8008};  // of --view
+  bool open = false;
 };
 
 // Accepts the number of steps of a training.
@@ -132,10 +134,8 @@ class TrainingView {
       : device_([options] { return std::unique_ptr<Queue>(new Queue(open_queue(options))); }) {
     std::vector<std::unique_ptr<ViewSource>> sources;
     sources.push_back(std::make_unique<ViewSource>(flags.run, config, live_, device_));
-    server_ =
-        std::make_unique<ViewServer>(std::move(sources), ServerOptions{"127.0.0.1", flags.port});
-    print_result("viewer    {}\n", server_->address());
-    std::fflush(stdout);
+    server_ = std::make_unique<ViewServer>(std::move(sources), flags.server);
+    browser_ = announce(*server_, flags.server, flags.open);
   }
   ~TrainingView() { live_->end(); }  // before the server waits for its answers
   TrainObserver* observer() { return live_.get(); }
@@ -144,6 +144,7 @@ class TrainingView {
   std::shared_ptr<LiveModel> live_ = std::make_shared<LiveModel>();
   ViewDevice device_;
   std::unique_ptr<ViewServer> server_;
+  std::unique_ptr<RunningProgram> browser_;
 };
 
 void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI::App& command) {
@@ -163,11 +164,21 @@ void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI:
   if (flags.view) view = std::make_unique<TrainingView>(flags, config, device);
   report::RecordedNotices notices(view ? view->observer() : nullptr);
   extensions.observer = &notices;
-  const Evaluation evaluation = train_run(queue, config, run, options.quiet,
-                                          flags.resume      ? Start::resume
-                                          : flags.overwrite ? Start::overwrite
-                                                            : Start::fresh,
-                                          extensions);
+  const std::vector<std::string> before =
+      flags.resume ? report::read_notices(run) : std::vector<std::string>();
+  for (const std::string& sentence : before) notices.add(sentence);
+  const Evaluation evaluation = [&] {
+    const Start start = flags.resume      ? Start::resume
+                        : flags.overwrite ? Start::overwrite
+                                          : Start::fresh;
+    try {
+      return train_run(queue, config, run, options.quiet, start, extensions);
+    } catch (const Interrupted&) {
+      if (RunFolder::is_run(run.folder())) report::write_notices(run, notices.sentences());
+      throw;
+    }
+  }();
+  report::write_notices(run, notices.sentences());
   print_report(evaluation, run.read_facts());
   print_result("model     {}\n", run.model_path(run.models().at(0)));
   const bool tested = std::filesystem::exists(run.path("results.json"));
@@ -273,9 +284,7 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
                     "run that is resumed");
   command->add_flag("--view", flags->view,
                     "Show the training in a browser, at the address that is printed");
-  command->add_option("--port", flags->port, "Port of --view; 0: any free one")
-      ->check(number_in(0, 65535))
-      ->type_name("N");
+  add_server_options(*command, flags->server, flags->open, " of --view");
   command->add_flag("--profile", flags->profile, "Print the time of each kernel");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

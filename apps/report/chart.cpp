@@ -111,12 +111,17 @@ std::string axes_svg(const Frame2D& frame, const std::string& x_name) {
 
 std::string line_svg(const LineChart& chart, const Frame2D& frame, const Series& series) {
   std::string path;
+  size_t points = 0;
   for (const auto& [x, y] : series.points)
-    if (is_shown(chart, y))
+    if (is_shown(chart, y)) {
       path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? 'M' : 'L', frame.px(x), frame.py(y));
+      ++points;
+    }
+  if (points == 1) path += "h0";  // its round ends make a dot
   return path.empty() ? ""
-                      : fmt::format("<path class=\"{}\" stroke=\"{}\" d=\"{}\"/>\n",
-                                    series.faint ? "faint" : "line", color_of(series.color), path);
+                      : fmt::format("<path class=\"{}{}\" stroke=\"{}\" d=\"{}\"/>\n",
+                                    series.faint ? "faint" : "line", points == 1 ? " dot" : "",
+                                    color_of(series.color), path);
 }
 
 std::string dots_svg(const LineChart& chart, const Frame2D& frame, const Series& series) {

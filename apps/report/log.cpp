@@ -78,7 +78,7 @@ std::string training_charts(const std::vector<LogLine>& log) {
   add_curve(psnr, log, "psnr", "the step's training image");
   add_curve(psnr, log, "val_psnr", "held-back views", false);
   add_curve(psnr, log, "val_psnr_train", "training views", false);
-  LineChart flow = chart_of("Flow error", "px, lower is better", 2);
+  LineChart flow = chart_of("Flow error, all pixels", "px, lower is better", 2);
   flow.from_zero = true;
   if (is_used(log, "flow_epe")) add_curve(flow, log, "flow_epe", "to target flow");
   LineChart gaussians = chart_of("Gaussians", "number", 0);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Records what a training says to its user, for the report.
+// Records what a training says to its user, for reports, also later ones.
 #pragma once
 #include <algorithm>
 #include <string>
 #include <vector>
 
+#include "optim/runs/run_folder.hpp"
 #include "optim/train/train_loop.hpp"
 
 namespace gflow::report {
@@ -18,6 +19,13 @@ class RecordedNotices : public TrainObserver {
           add(sentence);
           print_warning(sentence);
         }) {}
+
+  // Records without printing.
+  void add(const std::string& sentence) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (std::find(sentences_.begin(), sentences_.end(), sentence) == sentences_.end())
+      sentences_.push_back(sentence);
+  }
 
   // In their order, each once.
   const std::vector<std::string>& sentences() const { return sentences_; }
@@ -36,16 +44,15 @@ class RecordedNotices : public TrainObserver {
   bool stop(int done) override { return beside_ && beside_->stop(done); }
 
  private:
-  void add(const std::string& sentence) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (std::find(sentences_.begin(), sentences_.end(), sentence) == sentences_.end())
-      sentences_.push_back(sentence);
-  }
-
   TrainObserver* beside_;
   std::mutex mutex_;
   std::vector<std::string> sentences_;
   WarningsTo warnings_;
 };
+
+// The sentences of a run's trainings, in its notices.json; none if it cannot be read.
+std::vector<std::string> read_notices(const RunFolder& run);
+// Writes them. Warns if it cannot.
+void write_notices(const RunFolder& run, const std::vector<std::string>& sentences);
 
 }  // namespace gflow::report

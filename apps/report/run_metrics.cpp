@@ -26,7 +26,7 @@ const std::vector<ShownMetric>& shown_metrics() {
       {&ViewMetrics::ssim_dynamic, "SSIM, moving", "", 4, 1, true, "of moving pixels"},
       {&ViewMetrics::lpips, "LPIPS", "", 4, 1, false, "perceived difference by a network, 0: none"},
       {&ViewMetrics::clip, "CLIP", "", 4, 1, true, "similarity of content by a network, at most 1"},
-      {&ViewMetrics::flow_epe, "Flow error", "px", 3, 1, false,
+      {&ViewMetrics::flow_epe, "Flow error, all pixels", "px", 3, 1, false,
        "distance between the end points of rendered and reference flow"},
       {&ViewMetrics::flow_epe_dynamic, "Flow error, moving", "px", 3, 1, false, "of moving pixels"},
       {&ViewMetrics::teacher_epe_dynamic, "Flow error of DIS, moving", "px", 3, 1, false,
@@ -114,7 +114,7 @@ TableCell extreme_cell(const std::vector<ViewMetrics>& views, const ShownMetric&
 void add_row(std::vector<std::vector<TableCell>>& rows, const char* name, double value,
              const char* meaning) {
   if (std::isfinite(value))
-    rows.push_back({{name}, {number(value, 4)}, {""}, {""}, {meaning, false, true}});
+    rows.push_back({{name}, {number(value, 4), true, false}, {"–"}, {"–"}, {meaning, false, true}});
 }
 
 }  // namespace

@@ -59,10 +59,18 @@ std::string run_heading(const RunReport& report) {
   const std::string model = report.facts.motion.empty() ? ""
                                                         : fmt::format(" (motion model <b>{}</b>)",
                                                                       escaped(report.facts.motion));
+  const std::string stopped =
+      report.facts.finished
+          ? ""
+          : fmt::format(
+                "<p class=\"stopped\">This training has not finished: it stopped after {} of {} "
+                "steps, and this page shows the model that it left.</p>\n",
+                grouped(report.facts.iterations), grouped(report.config.train.iterations));
   return fmt::format(
-      "<header>\n{}<h1>{}</h1>\n<p class=\"lead\">A moving scene of {} Gaussians{}, trained on {}: "
+      "<header>\n{}<h1>{}</h1>\n{}<p class=\"lead\">A moving scene of {} Gaussians{}, trained on "
+      "{}: "
       "{}{}.</p>\n<p class=\"lead\">{}</p>\n</header>\n{}",
-      brand("report of a training", report.date), escaped(report.title),
+      brand("report of a training", report.date), escaped(report.title), stopped,
       report.evaluation.gaussians > 0 ? grouped(double(report.evaluation.gaussians)) : "3D", model,
       images_in_words(report.scene), effort(report),
       report.facts.device.empty() ? "" : " on " + escaped(report.facts.device),
@@ -75,7 +83,7 @@ std::string part(const Picture& picture, const std::string& caption, const std::
 }
 
 // parts: pictures below the wipe of a view that has all of them.
-std::string view_html(const ShownView& view, bool is_worst, size_t parts) {
+std::string view_html(const ShownView& view, bool is_worst, bool is_last_step, size_t parts) {
   const ViewMetrics& m = view.metrics;
   std::string values;
   for (const ShownMetric& metric : shown_metrics())
@@ -99,6 +107,8 @@ std::string view_html(const ShownView& view, bool is_worst, size_t parts) {
   if (!view.flow.empty())
     html += part(view.flow, "flow of the model", "Flow of the model in " + at);
   if (!view.target.empty()) html += part(view.target, "reference flow", "Reference flow in " + at);
+  if (parts > 1 && view.flow.empty() && is_last_step)
+    html += "<p class=\"missing\">No flow: there is no later time step.</p>\n";
   return html + "</div>\n</article>\n";
 }
 
@@ -110,7 +120,8 @@ std::string views_section(const RunReport& report) {
   for (const ShownView& view : report.views)
     parts = std::max(parts, size_t{1} + !view.flow.empty() + !view.target.empty());
   for (const ShownView& view : report.views)
-    html += view_html(view, worst && view.metrics.name == worst->name, parts);
+    html += view_html(view, worst && view.metrics.name == worst->name,
+                      view.metrics.step + 1 == report.scene.steps, parts);
   std::string keys = "<div>Error: difference of image and render, four times as strong.</div>";
   if (parts > 1)
     keys =

@@ -87,7 +87,8 @@ double off_the_line(const std::vector<float>& values, size_t width, size_t from,
   return std::sqrt(squares);
 }
 
-// Errors of the poses that every k-th time leaves out, of each Gaussian and time.
+// Errors of the poses that every k-th time leaves out: per time left out, of M poses and N
+// opacities (if there are any).
 std::vector<float> errors_of_stride(const BakedPoses& poses, const std::vector<double>& sizes,
                                     size_t stride) {
   const size_t steps = poses.times.size(), m = poses.moving,
@@ -135,10 +136,19 @@ BakedPoses thinned(const BakedPoses& poses, const HostModel& model, double toler
   std::vector<double> sizes;
   for (size_t i = 0; i < poses.moving; ++i)
     sizes.push_back(std::max(longest_scale(model, i), 1e-30));
+  if (steps < 3 || sizes.empty()) return poses;
+  // Those that all strides give back are most of a scene; they must not outvote the others.
+  const size_t rows = poses.moving + poses.opacities.size() / steps;
+  std::vector<bool> bends(rows, false);
+  const std::vector<float> straight = errors_of_stride(poses, sizes, steps - 1);
+  for (size_t i = 0; i < straight.size(); ++i)
+    if (!(double(straight[i]) <= tolerance)) bends[i % rows] = true;
   size_t stride = 1;
   for (size_t next = 2; next < steps; ++next) {
-    std::vector<float> errors = errors_of_stride(poses, sizes, next);
-    if (errors.empty()) break;
+    const std::vector<float> all = errors_of_stride(poses, sizes, next);
+    std::vector<float> errors{0};
+    for (size_t i = 0; i < all.size(); ++i)
+      if (bends[i % rows]) errors.push_back(all[i]);
     const auto worst = errors.begin() + long(0.95 * double(errors.size() - 1));
     std::nth_element(errors.begin(), worst, errors.end());
     if (!(double(*worst) <= tolerance)) break;

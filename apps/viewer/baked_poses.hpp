@@ -32,7 +32,8 @@ BakedPoses bake_poses(Queue& queue, const HostModel& model, const std::vector<do
 
 // Every k-th of the times and the last one, for the largest k with which 95 % of the poses left out
 // are those between their neighbours, within `tolerance`: in means relative to the longest scale,
-// in radians, log scales and opacities.
+// in radians, log scales and opacities. Gaussians of which first and last time say all do not
+// count.
 BakedPoses thinned(const BakedPoses& poses, const HostModel& model, double tolerance);
 
 // Rotation and scales of a Gaussian from the factor of its covariance.

@@ -21,21 +21,34 @@ namespace gflow {
 namespace {
 
 constexpr const char* kWorker = "sort.worker.js";
+constexpr const char* kCharset = "<meta charset=\"utf-8\">";
+
+// Says that a page is truncated: at its beginning, because its end does not run then.
+constexpr const char* kCheck = R"(<script>
+addEventListener('DOMContentLoaded', () => {
+if (document.getElementById('gflow-end')) return;
+const say = (id, text) => { const one = document.getElementById(id) ?? document.body; one.textContent = text; one.hidden = !text; };
+say('busy', '');
+say('message', 'This file is truncated: its end is missing. Copy or export it again.');
+});
+</script>
+)";
 
 // Unpacks the scripts of a page and starts them; gflow-worker is what the page starts as its
-// worker.
+// worker. gzip has a checksum, which the browser compares.
 constexpr const char* kStart = R"(try {
 const packed = Uint8Array.from(atob(document.getElementById('gflow-scripts').textContent), (c) => c.charCodeAt(0));
-const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate-raw'));
+const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'));
 const scripts = await new Response(stream).json();
 for (const [type, text, id] of [['text/plain', scripts.worker, 'gflow-worker'], ['module', scripts.page, '']])
 document.body.append(Object.assign(document.createElement('script'), { type, id, textContent: text }));
-} catch (error) {
+} catch {
 const message = document.getElementById('message');
 message.textContent = typeof DecompressionStream === 'undefined'
 ? 'This browser is too old to unpack the scene (DecompressionStream is missing). A newer version can.'
-: `The file is truncated or damaged: ${error.message}`;
+: 'This file is damaged: its scripts cannot be unpacked. Copy or export it again.';
 message.hidden = false;
+document.getElementById('busy').hidden = true;
 }
 )";
 
@@ -126,18 +139,11 @@ std::string inside_element(const std::string& text) {
   return text;
 }
 
-// JSON with < as \u003c, so that no text in it can end the element.
-std::string json_inside_element(const nlohmann::ordered_json& json) {
-  std::string text;
-  for (const char c : json_text(json)) c == '<' ? text += "\\u003c" : text += c;
-  return text;
-}
-
 std::string packed_element(const std::string& id, const std::string& bytes) {
   return fmt::format(
-      "<script type=\"application/octet-stream\" id=\"{}\" data-encoding=\"deflate-raw\">{}"
+      "<script type=\"application/octet-stream\" id=\"{}\" data-encoding=\"gzip\">{}"
       "</script>\n",
-      id, base64(deflated_raw(bytes)));
+      id, base64(gzipped(bytes)));
 }
 
 void replace_first(std::string& page, const std::string& from, const std::string& to) {
@@ -152,9 +158,9 @@ std::string bundled(const std::map<std::string, std::string>& files, const std::
   return bundle.text;
 }
 
-std::string deflated_raw(const std::string& bytes) {
+std::string gzipped(const std::string& bytes) {
   z_stream stream{};
-  if (deflateInit2(&stream, 9, Z_DEFLATED, -MAX_WBITS, 9, Z_DEFAULT_STRATEGY) != Z_OK)
+  if (deflateInit2(&stream, 9, Z_DEFLATED, MAX_WBITS + 16, 9, Z_DEFAULT_STRATEGY) != Z_OK)
     throw Error("cannot compress a model: zlib failed to initialise");
   const std::unique_ptr<z_stream, int (*)(z_stream*)> guard(&stream, deflateEnd);
   std::string result;
@@ -190,11 +196,11 @@ std::string page_with_model(const std::map<std::string, std::string>& files,
   const auto script_of = [&](const std::string& file) { return slim(bundled(files, file)); };
   const nlohmann::ordered_json scripts{{"worker", files.count(kWorker) ? script_of(kWorker) : ""},
                                        {"page", script_of(entry)}};
-  const std::string parts = fmt::format(
-      "<script type=\"application/json\" id=\"gflow-info\">{}</script>\n{}{}"
-      "<script type=\"module\">\n{}</script>",
-      json_inside_element(info), packed_element("gflow-model", model),
-      packed_element("gflow-scripts", json_text(scripts)), inside_element(kStart));
+  const std::string parts =
+      packed_element("gflow-info", json_text(info)) + packed_element("gflow-model", model) +
+      packed_element("gflow-scripts", json_text(scripts)) + "<script type=\"module\">\n" +
+      inside_element(kStart) + "</script>\n<i id=\"gflow-end\"></i>";
+  replace_first(page, kCharset, kCharset + std::string("\n") + kCheck);
   replace_first(page, style, "<style>\n" + inside_element(slim(files.at(css))) + "</style>");
   replace_first(page, script, parts);
   return page;

@@ -14,14 +14,16 @@ namespace gflow {
 std::string bundled(const std::map<std::string, std::string>& files, const std::string& entry);
 
 // index.html of `files` with its style, its modules, the worker sort.worker.js, and the model:
-//   <script type="application/json" id="gflow-info">
-//   <script type="application/octet-stream" id="gflow-model" data-encoding="deflate-raw">  base64
-//   <script type="application/octet-stream" id="gflow-scripts" data-encoding="deflate-raw">  base64
-//     of {"worker": text of the element gflow-worker, "page": module}, which the page adds to itself
+//   <script type="application/octet-stream" id="gflow-info" data-encoding="gzip">  base64 of JSON
+//   <script type="application/octet-stream" id="gflow-model" data-encoding="gzip">  base64
+//   <script type="application/octet-stream" id="gflow-scripts" data-encoding="gzip">  base64
+//     of {"worker": text of the element gflow-worker, "page": module}, which the page adds to
+//     itself
+// and gflow-end, without which the page says that it is truncated.
 std::string page_with_model(const std::map<std::string, std::string>& files,
                             const std::string& model, const nlohmann::ordered_json& info);
 
-// A raw deflate stream (RFC 1951).
-std::string deflated_raw(const std::string& bytes);
+// A gzip stream (RFC 1952).
+std::string gzipped(const std::string& bytes);
 
 }  // namespace gflow

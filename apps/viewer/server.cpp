@@ -3,12 +3,14 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <ifaddrs.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -28,6 +30,26 @@
 #endif
 
 namespace gflow {
+namespace {
+
+// An address under which other machines may reach one that listens on all; this machine's own if
+// it has no other.
+std::string reachable_address(bool is_v6) {
+  std::string found = is_v6 ? "::1" : "127.0.0.1";
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return found;
+  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> guard(all, ::freeifaddrs);
+  for (const ifaddrs* one = all; one; one = one->ifa_next) {
+    if (!one->ifa_addr || one->ifa_addr->sa_family != AF_INET) continue;
+    char text[INET_ADDRSTRLEN];
+    const auto* address = reinterpret_cast<const sockaddr_in*>(one->ifa_addr);
+    if (!::inet_ntop(AF_INET, &address->sin_addr, text, sizeof text) || is_loopback(text)) continue;
+    return text;
+  }
+  return found;
+}
+
+}  // namespace
 
 bool is_loopback(const std::string& host) {
   in_addr v4;
@@ -218,6 +240,7 @@ void ViewServer::State::answer(const Request& request, Response& response) {
     for (size_t i = 0; i < sources.size(); ++i)
       list.push_back({{"id", i},
                       {"name", sources[i]->name()},
+                      {"path", sources[i]->path()},
                       {"kind", sources[i]->is_run() ? "run" : "file"},
                       {"live", sources[i]->is_live()}});
     return answer_json(response, list);
@@ -275,7 +298,10 @@ ViewServer::ViewServer(std::vector<std::unique_ptr<ViewSource>> sources,
             : "this is not an address of this machine, or the port is not available"));
   }
   const bool is_v6 = options.host.find(':') != std::string::npos;
-  address_ = fmt::format(is_v6 ? "http://[{}]:{}/" : "http://{}:{}/", options.host, port);
+  const bool all = options.host == "0.0.0.0" || options.host == "::";
+  const std::string host = all ? reachable_address(is_v6) : options.host;
+  address_ = fmt::format(host.find(':') != std::string::npos ? "http://[{}]:{}/" : "http://{}:{}/",
+                         host, port);
   state.thread = std::thread([&server] { server.listen_after_bind(); });
 }
 

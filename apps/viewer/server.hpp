@@ -27,7 +27,7 @@ class ViewServer {
   ViewServer(const ViewServer&) = delete;
   ViewServer& operator=(const ViewServer&) = delete;
 
-  // "http://127.0.0.1:8008/".
+  // "http://127.0.0.1:8008/". With the host 0.0.0.0 that of a network card.
   const std::string& address() const { return address_; }
 
  private:

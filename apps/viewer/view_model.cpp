@@ -14,6 +14,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Shape = std::vector<size_t>;
 
+constexpr float kColorSteps = 1024;
+
 // Collects arrays and their entries of the header.
 class ArrayWriter {
  public:
@@ -22,19 +24,25 @@ class ArrayWriter {
   void put(const std::string& name, const Shape& shape, const std::vector<float>& values) {
     append(name, shape, "float32", values);
   }
-  // Colours.
+  // Colours: multiples of 1/1024, because zero bits compress.
   void put_color(const std::string& name, const Shape& shape, const std::vector<float>& values) {
     if (precision_ == ViewPrecision::full) return put(name, shape, values);
     std::vector<uint16_t> halves;
     halves.reserve(values.size());
-    for (const float x : values) halves.push_back(Eigen::half(std::clamp(x, -65504.f, 65504.f)).x);
+    for (const float x : values)
+      halves.push_back(
+          Eigen::half(std::clamp(std::round(x * kColorSteps) / kColorSteps, -65504.f, 65504.f)).x);
     append(name, shape, "float16", halves);
   }
-  // Poses, [times, N, columns]: whole multiples of `step`, or if their range exceeds 16 bits, of a
-  // larger one, as differences over time, which compress to a third.
+  // Poses and keys, [times, N, columns]: whole multiples of `step`, or if their range exceeds 16
+  // bits, of a larger one, as differences over time, which compress to a third; those have their
+  // sign in the lowest bit, so that the upper byte of small ones is 0.
   void put_pose(const std::string& name, const Shape& shape, const std::vector<float>& values,
                 double step) {
-    if (precision_ == ViewPrecision::full || values.empty()) return put(name, shape, values);
+    const bool finite =
+        std::all_of(values.begin(), values.end(), [](float x) { return std::isfinite(x); });
+    if (precision_ == ViewPrecision::full || values.empty() || !finite)
+      return put(name, shape, values);
     const size_t width = shape.back(), row = values.size() / shape[0];
     std::vector<double> least(width, INFINITY), most(width, -INFINITY), scale(width);
     for (size_t i = 0; i < values.size(); ++i) {
@@ -46,11 +54,14 @@ class ArrayWriter {
     whole.reserve(values.size());
     for (size_t i = 0; i < values.size(); ++i)
       whole.push_back(uint16_t(std::lround((values[i] - least[i % width]) / scale[i % width])));
-    for (size_t i = whole.size(); i-- > row;) whole[i] = uint16_t(whole[i] - whole[i - row]);
+    for (size_t i = whole.size(); i-- > row;) {
+      const int16_t change = int16_t(whole[i] - whole[i - row]);
+      whole[i] = uint16_t(2 * change ^ (change < 0 ? -1 : 0));
+    }
     append(name, shape, "uint16", whole);
     entries_[name]["scale"] = scale;
     entries_[name]["shift"] = least;
-    entries_[name]["differences"] = 1;
+    entries_[name]["differences"] = true;
   }
 
   const Json& entries() const { return entries_; }
@@ -98,19 +109,6 @@ std::vector<float> spatial_scales(const HostModel& model) {
   return scales;
 }
 
-// The rows [keys, N, width] of dynamic Gaussians: [keys, M, width].
-void put_keys(ArrayWriter& arrays, const HostModel& model, const std::string& name, size_t width) {
-  const size_t n = model.count, m = model.num_moving(), keys = size_t(model.shape.keys);
-  const std::vector<float>& all = model.groups.at(name);
-  std::vector<float> values;
-  values.reserve(keys * m * width);
-  for (size_t k = 0; k < keys; ++k) {
-    const auto first = all.begin() + long(k * n * width);
-    values.insert(values.end(), first, first + long(m * width));
-  }
-  arrays.put(name, {keys, m, width}, values);
-}
-
 // Median of the longest scales of dynamic Gaussians [scene units]; > 0.
 double usual_size(const HostModel& model) {
   std::vector<double> sizes;
@@ -120,16 +118,51 @@ double usual_size(const HostModel& model) {
   return std::max(sizes[sizes.size() / 2], 1e-30);
 }
 
-// Rounded by what moves the surface of a usual Gaussian by 1/64 of its size.
+// Steps of exported poses: what moves the surface of a usual Gaussian by 1/64 of its size. Keys
+// have noise of training, which they keep with fewer digits.
+constexpr double kStep = 1.0 / 32, kQuatStep = kStep / 16, kLogScaleStep = kStep / 2;
+constexpr double kKeyStep = 1.0 / 16, kTurnStep = kKeyStep / 4;
+
+// The rows [keys, N, width] of dynamic Gaussians: [keys, M, width], rounded.
+void put_keys(ArrayWriter& arrays, const HostModel& model, const std::string& name, size_t width) {
+  const size_t n = model.count, m = model.num_moving(), keys = size_t(model.shape.keys);
+  const std::vector<float>& all = model.groups.at(name);
+  std::vector<float> values;
+  values.reserve(keys * m * width);
+  for (size_t k = 0; k < keys; ++k) {
+    const auto first = all.begin() + long(k * n * width);
+    values.insert(values.end(), first, first + long(m * width));
+  }
+  const double step = name == "key_shifts"  ? kKeyStep * usual_size(model)
+                      : name == "key_turns" ? kTurnStep
+                                            : kLogScaleStep;
+  arrays.put_pose(name, {keys, m, width}, values, step);
+}
+
 void put_poses(ArrayWriter& arrays, const HostModel& model, const BakedPoses& poses) {
-  constexpr double kStep = 1.0 / 32;
   const size_t steps = poses.times.size(), m = poses.moving;
   arrays.put_pose("pose_means", {steps, m, 3}, poses.means, kStep * usual_size(model));
-  arrays.put_pose("pose_quats", {steps, m, 4}, poses.quats, kStep / 16);
+  arrays.put_pose("pose_quats", {steps, m, 4}, poses.quats, kQuatStep);
   if (!poses.log_scales.empty())
-    arrays.put_pose("pose_log_scales", {steps, m, 3}, poses.log_scales, kStep / 2);
+    arrays.put_pose("pose_log_scales", {steps, m, 3}, poses.log_scales, kLogScaleStep);
   if (!poses.opacities.empty())
     arrays.put_pose("pose_opacities", {steps, model.count}, poses.opacities, kStep / 16);
+}
+
+// A keyframes model whose quats have length 1, so that one step suits all key_turns; the same
+// model.
+HostModel with_unit_quats(HostModel model) {
+  std::vector<float>&quats = model.groups.at("quats"), &turns = model.groups.at("key_turns");
+  for (size_t i = 0; i < model.count; ++i) {
+    Eigen::Map<Eigen::Vector4f> quat(&quats[4 * i]);
+    const float norm = quat.norm();
+    // That of a rounded model is nearly 1, and its zero bits are to stay.
+    if (!(norm > 1e-3f && norm < 1e3f) || std::fabs(norm - 1) < 0.01f) continue;
+    quat /= norm;
+    for (size_t at = 4 * i; at < turns.size(); at += 4 * model.count)
+      Eigen::Map<Eigen::Vector4f>(&turns[at]) /= norm;
+  }
+  return model;
 }
 
 // Name of the motion, for the page, and the arrays.
@@ -158,8 +191,12 @@ const char* put_arrays(ArrayWriter& arrays, const HostModel& model, const BakedP
 
 }  // namespace
 
-std::string view_model_bytes(const HostModel& model, const BakedPoses* poses,
+std::string view_model_bytes(const HostModel& given, const BakedPoses* poses,
                              const ViewFacts& facts, ViewPrecision precision) {
+  const bool rounds_keys = precision == ViewPrecision::half && !poses &&
+                           given.shape.motion == MotionModelKind::keyframes;
+  const HostModel unit = rounds_keys ? with_unit_quats(given) : HostModel();
+  const HostModel& model = rounds_keys ? unit : given;
   if (!poses && needs_poses(model))
     throw Error("a viewer needs poses of a " + std::string(name_of(model.shape.motion)) + " model");
   ArrayWriter arrays(precision);

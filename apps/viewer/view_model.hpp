@@ -22,8 +22,8 @@ struct ViewFacts {
   Transport transport = Transport::material;
 };
 
-// full: float32, as in the model. half, for files: colours as float16 and baked poses as 16 bits
-// between their least and greatest values, all in the order of bytes that compresses best.
+// full: float32, as in the model. half, for files: colours as float16, baked poses and keys as 16
+// bits between their least and greatest values, all in the order of bytes that compresses best.
 enum class ViewPrecision { full, half };
 
 // poses: those of a model that needs_poses(); else nullptr.

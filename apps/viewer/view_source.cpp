@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -14,6 +15,7 @@
 
 #include "apps/common/found_above.hpp"
 #include "apps/viewer/rounded_model.hpp"
+#include "optim/formats/ply_rows.hpp"
 #include "optim/images/decoded_image.hpp"
 #include "optim/objectives/camera_objective.hpp"
 #include "optim/runs/run_names.hpp"
@@ -51,13 +53,15 @@ Json json_of(const Camera& camera) {
           {"cy", camera.cy},     {"viewmat", viewmat}};
 }
 
-// The mean of the cameras' upward axes; -y without cameras.
-std::array<double, 3> up_of(const std::vector<Camera>& cameras) {
-  Eigen::Vector3d up = Eigen::Vector3d::Zero();
-  for (const Camera& camera : cameras) up -= camera.viewmat.block<1, 3>(1, 0).transpose();
-  if (!(up.norm() > 1e-3 * double(cameras.size())) || cameras.empty()) return {0, -1, 0};
-  up.normalize();
-  return {up.x(), up.y(), up.z()};
+// Upwards in a PLY that gflow exported, or -y.
+std::array<double, 3> up_of_file(const std::string& path) {
+  std::vector<std::string> comments;
+  if (splat_format(path) == SplatFormat::ply) comments = PlyRows(path).header().comments;
+  for (const std::string& comment : comments)
+    if (std::array<double, 3> up{};
+        std::sscanf(comment.c_str(), "up %lf %lf %lf", &up[0], &up[1], &up[2]) == 3)
+      return up;
+  return {0, -1, 0};
 }
 
 }  // namespace
@@ -89,6 +93,8 @@ ViewSource::ViewSource(const std::string& run_or_file, int iteration, Undrawable
     config_ = run_->read_config();
     return;
   }
+  if (fs::path(path_).extension() == ".html")
+    throw Error(fmt::format("viewing {}: it is a page of its own; open it in a browser", path_));
   if (splat_format(path_) == SplatFormat::four_dgs)
     throw Error(fmt::format(
         "viewing {}: its linear pieces are no model of gflow; drop the file on the page of another "
@@ -211,7 +217,7 @@ ViewSource::FileModel ViewSource::model_of_file(const Selection& selection, bool
     require_some_left(model, file.whole, path_);
   }
   file.count = model.count;
-  file.has_poses = needs_poses(model);
+  file.rounds_motion = needs_poses(model) || model.shape.motion == MotionModelKind::keyframes;
   if (compact) {
     HostModel rounded = rounded_model(model);
     file.psnr = device_.with_queue([&](Queue& queue) {
@@ -330,7 +336,10 @@ ViewFacts ViewSource::facts(const HostModel& model) {
   facts.background = {level, level, level};
   facts.stop = settings.stop;
   facts.transport = settings.transport;
-  facts.up = up_of(cameras);
+  if (const auto up = mean_up(cameras))
+    facts.up = *up;
+  else if (!run_)
+    facts.up = up_of_file(path_);
   facts.extent = extent_of(model);
   if (loaded_) {
     facts.steps = size_t(loaded_->scene.steps);

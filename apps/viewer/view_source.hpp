@@ -59,6 +59,7 @@ class ViewSource {
              ViewDevice& device);
 
   const std::string& name() const { return name_; }
+  const std::string& path() const { return path_; }  // as it was given
   bool is_run() const { return run_.has_value(); }
   // Whether a process trains the run now.
   bool is_live() const;
@@ -79,7 +80,7 @@ class ViewSource {
   struct FileModel {
     std::string bytes;
     size_t count = 0, whole = 0;  // Gaussians in the file and in the model
-    bool has_poses = false;       // which are rounded, compact or not, and not part of psnr
+    bool rounds_motion = false;   // poses or keys, compact or not, which is not part of psnr
     double psnr = 0;              // of a compact one, see psnr_between() [dB]
   };
   // What is selected of it for a file of its own. Error if that is nothing. compact: rounded.

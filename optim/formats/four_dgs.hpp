@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "optim/formats/ply.hpp"
 
@@ -40,7 +41,10 @@ struct MovingSplats {
   int sh_degree = 0;     // 0 to 3
   std::vector<MovingSplat> splats;
   std::vector<float> sh_rest;  // [rows, 3, K - 1], channel by channel; K = (sh_degree + 1)^2
-  // Only written, not read: the initial camera, and the positions of the training cameras.
+  // Only written, not read: upwards, if known, and frames per second, if > 0, as metadata of the
+  // header; the initial camera, and the positions of the training cameras.
+  std::optional<std::array<double, 3>> up;
+  double fps = 0;
   Viewpoint viewpoint;
   std::vector<std::array<double, 3>> eyes;
 };

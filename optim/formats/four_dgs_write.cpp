@@ -4,6 +4,7 @@
 // interval, so that a player can fetch what it shows. The interval of a Gaussian is the smallest
 // one that contains its window, out of the duration halved up to five times.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <zlib.h>
 
 #include <cstring>
@@ -380,7 +381,11 @@ Content header_of(const MovingSplats& scene) {
   Content content;
   content.text("").text("gflow").put(scene.duration).put(uint64_t(scene.splats.size()));
   content.put(scene.cutoff).text(kModel).put(box).put(uint8_t(scene.sh_degree)).put(uint8_t(0));
-  return content.map({{"color_space", "srgb-rec709-display"}, {"visibility_profile", "gaussian"}});
+  std::map<std::string, std::string> about{{"color_space", "srgb-rec709-display"},
+                                           {"visibility_profile", "gaussian"}};
+  if (scene.fps > 0) about["fps"] = fmt::format("{:g}", scene.fps);
+  if (scene.up) about["up"] = fmt::format("{:.6g}", fmt::join(*scene.up, " "));
+  return content.map(about);
 }
 
 // color_off, sh_off: largest errors of degree 0 colours and SH coefficients.

@@ -60,6 +60,7 @@ class PathCutter {
   PathCutter(const HostModel& model, const PieceRule& rule) : rule_(rule) {
     length_ = std::max(rule.steps - 1, 1) / rule.fps;
     scene_.duration = rule.steps / rule.fps;
+    scene_.fps = rule.fps;
     scene_.cutoff = std::max(double(model.shape.cutoff), 1e-6);
     scene_.sh_degree = model.shape.sh_degree;
     set_harmonics(model);

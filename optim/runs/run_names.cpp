@@ -37,7 +37,7 @@ bool is_name_of_training(const std::string& name) {
       kRunLock,           kRunScene,     "broken.npz",  "cameras.json",  kRunStamp,
       "checkpoints",      "compare.png", "config.toml", "flow",          "frames",
       "input.motion.npz", "input.ply",   "metrics.csv", "metrics.jsonl", "moving",
-      "point_cloud",      kRunReport,    "test",        "training.json"};
+      "point_cloud",      kRunReport,    kRunNotices,   "test",          "training.json"};
   return names.count(name) || is_name_of_results(name);
 }
 

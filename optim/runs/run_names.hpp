@@ -10,7 +10,8 @@ namespace gflow {
 inline constexpr const char* kRunStamp = "caches.stamp";  // present in every run folder
 inline constexpr const char* kRunLock = ".lock";
 inline constexpr const char* kRunReport = "report.html";
-inline constexpr const char* kRunScene = "scene";  // of a video whose cameras were found
+inline constexpr const char* kRunNotices = "notices.json";  // what training warned of
+inline constexpr const char* kRunScene = "scene";           // of a video whose cameras were found
 // The first files of a run that has begun, until they are in their places (replacement.hpp).
 inline constexpr const char* kRunBegun = ".begun";
 

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace gflow {
 
@@ -75,6 +76,15 @@ struct Camera {
     return j;
   }
 };
+
+// Mean of the cameras' upward axes in the world, unit; nullopt if they have none in common.
+inline std::optional<std::array<double, 3>> mean_up(const std::vector<Camera>& cameras) {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const Camera& camera : cameras) up -= camera.viewmat.block<1, 3>(1, 0).transpose();
+  if (!(up.norm() > 1e-3 * double(cameras.size()))) return std::nullopt;
+  up.normalize();
+  return std::array<double, 3>{up.x(), up.y(), up.z()};
+}
 
 // The camera of an image that is resized.
 inline Camera resized(Camera camera, int width, int height) {

@@ -90,7 +90,7 @@ export class Page {
     if (exceptionDetails) throw new Error(exceptionDetails.exception?.description ?? exceptionDetails.text);
     return result.value;
   }
-  async until(expression, seconds = 30) {
+  async until(expression, seconds = 60) {
     for (const end = Date.now() + 1000 * seconds; Date.now() < end; await new Promise((done) => setTimeout(done, 50)))
       if (await this.run(expression).catch(() => false)) return;
     throw new Error(`${expression} did not become true; the page reports: ${this.errors.join('; ') || 'nothing'}`);

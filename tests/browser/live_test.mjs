@@ -31,4 +31,23 @@ await test('a training shows its models and is not changed by it', async () => {
   return `${models} models, steps ${counts.join(' ')}`;
 });
 
+await test('the page says when the server has ended, and what it still shows', async () => {
+  const names = ['spacetime', 'unwatched'].map((name) => join(folder, name)), server = spawn(gflow, ['view', ...names, '--port', '0']);
+  const address = await new Promise((done) => server.stdout.on('data', (bytes) => { const found = /http:\/\/[^\s]+/.exec(bytes); if (found) done(found[0]); }));
+  const page = await browser.page(address, { files, width: 640, height: 480 }), shown = (id) => page.run(`!document.getElementById('${id}').hidden && document.getElementById('${id}').textContent`);
+  await page.until('window.gflow?.model && gflow.sorter.result', 60);
+  await page.until('document.querySelectorAll("#run option").length === 2');
+  expect(await shown('gone') === false, 'it says so while the server runs');
+  const ended = new Promise((done) => server.on('exit', done));
+  server.kill('SIGINT');
+  await ended;
+  await page.until('!document.getElementById("gone").hidden');
+  await page.run('const select = document.getElementById("run"); select.selectedIndex = 1; select.dispatchEvent(new Event("change"))');
+  await page.until('document.getElementById("message").textContent.includes("The picture is still of spacetime.")');
+  expect(await page.run('document.getElementById("run").selectedIndex') === 0, 'the list names the other run');
+  const note = await shown('message');
+  await page.close();
+  return `"${note}"`;
+});
+
 await finish();

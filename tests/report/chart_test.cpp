@@ -49,6 +49,7 @@ TEST(LineChart, DrawsEqualValuesAndSinglePoints) {
       const std::string svg = line_chart(chart);
       EXPECT_EQ(svg.find("nan"), std::string::npos);
       EXPECT_EQ(svg.find("inf"), std::string::npos);
+      EXPECT_EQ(svg.find("dot") != std::string::npos, svg != "" && points.size() == 1);
     }
 }
 

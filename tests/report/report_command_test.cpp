@@ -30,9 +30,12 @@ TEST_F(ReportCommand, EvalRenewsIt) {
   fs::copy(run(), copy, fs::copy_options::recursive);
   std::ofstream(copy + "/report.html") << "old";
   ASSERT_EQ(gflow({"eval", copy, "--split", "train", "--quiet"}).code, 0);
-  EXPECT_EQ(contents(copy + "/report.html"), "old");  // of the test views
+  EXPECT_EQ(contents(copy + "/report.html"), "old");    // of the test views
+  EXPECT_EQ(contents(copy + "/notices.json"), "[]\n");  // training had no warning
+  std::ofstream(copy + "/notices.json") << "[\"a warning of the training\"]";
   ASSERT_EQ(gflow({"eval", copy, "--quiet"}).code, 0);
   EXPECT_TRUE(is_in(contents(copy + "/report.html"), "<code>gflow view copy</code>"));
+  EXPECT_TRUE(is_in(contents(copy + "/report.html"), "<li>a warning of the training</li>"));
 }
 
 TEST_F(ReportCommand, WithoutTestViewsItShowsTrainingViews) {

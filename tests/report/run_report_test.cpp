@@ -75,6 +75,31 @@ TEST(RunReport, SaysWhatWasTrainedOnWhat) {
   EXPECT_TRUE(has(page, "<code>gflow view run</code>"));
 }
 
+TEST(RunReport, OfAStoppedRunSaysSoAtItsTop) {
+  RunReport report = small_report();
+  EXPECT_FALSE(has(run_report_html(report), "has not finished"));
+  report.facts.finished = false;
+  report.facts.iterations = 120;
+  const std::string page = run_report_html(report);
+  EXPECT_TRUE(has(page, "stopped after 120 of 500 steps"));
+  EXPECT_LT(page.find("has not finished"), page.find("A moving scene"));
+  expect_balanced(page);
+}
+
+TEST(RunReport, SaysWhyTheLastTimeStepHasNoFlow) {
+  RunReport report = small_report();
+  const auto page_of = [&](int step) {
+    report.views[1].metrics.step = step;
+    return run_report_html(report);
+  };
+  report.views.push_back(report.views[0]);
+  EXPECT_FALSE(has(page_of(2), "No flow"));  // nor has any other view
+  report.views[0].flow = report.views[0].truth;
+  EXPECT_TRUE(has(page_of(2), "No flow: there is no later time step."));
+  EXPECT_FALSE(has(page_of(1), "No flow"));
+  expect_balanced(page_of(2));
+}
+
 TEST(RunReport, HasTheMetricsOfEachStep) {
   const std::string page = run_report_html(small_report());
   for (const char* value : {"cam0, time step 0: 20.25", "cam1, time step 2: 23.25", ">26.50<"})

@@ -38,8 +38,9 @@ inline std::vector<float> values_of(const nlohmann::json& entry, const std::stri
   std::vector<uint32_t> raw =
       raw_values(arrays.substr(offset, count * size), count, size, entry.value("planes", false));
   const size_t row = count / std::max<size_t>(shape[0], 1), width = shape.back();
-  for (int k = 0; k < entry.value("differences", 0); ++k)
-    for (size_t i = row; i < count; ++i) raw[i] = (raw[i] + raw[i - row]) & 0xffff;
+  if (entry.value("differences", false))
+    for (size_t i = row; i < count; ++i)
+      raw[i] = ((raw[i] >> 1 ^ (raw[i] & 1 ? 0xffff : 0)) + raw[i - row]) & 0xffff;
   std::vector<float> values(count);
   for (size_t i = 0; i < count; ++i) {
     if (type == "float32") std::memcpy(&values[i], &raw[i], 4);

@@ -33,7 +33,7 @@ INSTANTIATE_TEST_SUITE_P(All, EveryRoundedModel,
 TEST(RoundedModel, CompressesToTwoThirds) {
   const HostModel host = lively_model(MotionModelKind::spacetime);
   const auto bytes = [](const HostModel& model) {
-    return deflated_raw(view_model_bytes(model, nullptr, {}, ViewPrecision::half)).size();
+    return gzipped(view_model_bytes(model, nullptr, {}, ViewPrecision::half)).size();
   };
   EXPECT_LT(3 * bytes(rounded_model(host)), 2 * bytes(host));
 }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/command_scene.hpp"
+#include "tests/viewer/container.hpp"
 #include "tests/viewer/http.hpp"
 
 namespace gflow {
@@ -79,10 +80,56 @@ TEST_F(ViewCommand, ShowsATrainingWithoutAnEffectOnIt) {
   EXPECT_TRUE(contents(watched + model) == contents(alone + model));
 }
 
+// An address that one can type, which 0.0.0.0 is not.
+TEST_F(ViewCommand, NamesAnAddressOfThisMachineWhenItListensToAll) {
+  const Command command({"view", run(), "--host", "0.0.0.0", "--port", "0"});
+  ASSERT_TRUE(wait_until([&] { return command.printed().find("/\n") != std::string::npos; }));
+  EXPECT_NE(command.printed().find("http://"), std::string::npos);
+  EXPECT_EQ(command.printed().find("0.0.0.0"), std::string::npos) << command.printed();
+  const int port = port_of(command.printed().substr(0, command.printed().find("/\n")));
+  EXPECT_EQ(get(port, "/api/runs").status, 200);
+  command.send(SIGINT);
+  EXPECT_EQ(command.wait().code, 130);
+}
+
+TEST_F(ViewCommand, IsAnOptionOfTrainingWithTheSameAddresses) {
+  const TemporaryFolder folder;
+  const Outcome outcome =
+      gflow({"train", scene().path(), "-o", folder.path() + "/run", "--iterations", "2", "--quiet",
+             "--view", "--host", "0.0.0.0", "--port", "0"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("Whoever can reach this address"), std::string::npos) << outcome.out;
+}
+
+// Which way is up, for viewers that know no cameras.
+TEST_F(ViewCommand, SaysUpOfAnExportedFile) {
+  const TemporaryFolder folder;
+  const std::string ply = folder.file("now.ply");
+  ASSERT_EQ(gflow({"export", run(), "-o", ply}).code, 0);
+  const auto header_of = [](const std::string& path) {
+    const Command command({"view", path, "--port", "0"});
+    EXPECT_TRUE(wait_until([&] { return command.printed().find("/\n") != std::string::npos; }));
+    const int port = port_of(command.printed().substr(0, command.printed().find("/\n")));
+    const Container container = container_of(get(port, "/api/run/0/model").body);
+    command.send(SIGINT);
+    command.wait();
+    return container.header;
+  };
+  const std::vector<double> up = header_of(run())["up"], of_file = header_of(ply)["up"];
+  for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(of_file[k], up[k], 1e-5);
+  std::string text = contents(ply);
+  const size_t at = text.find("comment up ");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, text.find('\n', at) - at, "comment up 1 0 0");
+  EXPECT_EQ(header_of(folder.write("other.ply", text))["up"], (std::vector<double>{1, 0, 0}));
+}
+
 TEST_F(ViewCommand, RefusesWhatItCannotShow) {
   const TemporaryFolder folder;
   folder.write("text.txt", "no splats");
+  folder.write("scene.html", "<!DOCTYPE html>");
   expect_refused({"view", folder.path()}, {"not a run"});
+  expect_refused({"view", folder.file("scene.html")}, {"scene.html", "in a browser"});
   expect_refused({"view", folder.file("text.txt")}, {"text.txt"});
   expect_refused({"view", folder.path() + "/none"}, {"none", "no such run"});
   expect_refused({"view", run(), "--port", "70000"}, {"--port"});

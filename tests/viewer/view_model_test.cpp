@@ -63,7 +63,7 @@ TEST(ViewModel, OfNoGaussiansIsValid) {
   EXPECT_TRUE(container.arrays.at("means").empty());
 }
 
-// Half floats have 11 bits.
+// Colours are multiples of 1/1024, and half floats have 11 bits.
 TEST(ViewModel, RoundsNothingButColorsInHalfPrecision) {
   const HostModel model = random_model(50, 3);
   const Container container = container_of_model(model, ViewPrecision::half);
@@ -71,9 +71,33 @@ TEST(ViewModel, RoundsNothingButColorsInHalfPrecision) {
     const bool color = name == "sh0" || name == "sh_rest";
     for (size_t i = 0; i < values.size(); ++i)
       EXPECT_NEAR(container.arrays.at(name)[i], values[i],
-                  color ? std::ldexp(std::fabs(values[i]), -11) + 1e-7 : 0)
+                  color ? 0.5 / 1024 + std::ldexp(std::fabs(values[i]), -11) : 0)
           << name;
   }
+}
+
+// In a page of its own. Quaternions have any length, but those of the bytes have 1: their turns are
+// multiples of 1/64.
+TEST(ViewModel, RoundsKeysAndKeepsThoseThatAreNotFinite) {
+  HostModel host = lively_model(MotionModelKind::keyframes);
+  const Container whole = container_of_model(host, ViewPrecision::half);
+  const auto &turns = host.groups.at("key_turns"), &shifts = host.groups.at("key_shifts");
+  EXPECT_EQ(whole.header["arrays"]["key_shifts"]["type"], "uint16");
+  for (size_t i = 0; i < shifts.size(); ++i)  // a 32nd of the usual size, 0.2
+    ASSERT_NEAR(whole.arrays.at("key_shifts")[i], shifts[i], 7e-3);
+  for (size_t row = 0; row < turns.size() / 4; ++row) {
+    const size_t i = row % host.count;
+    const Eigen::Map<const Eigen::Vector4f> quat(&host.groups.at("quats")[4 * i]),
+        turn(&turns[4 * row]), read_quat(&whole.arrays.at("quats")[4 * i]),
+        read_turn(&whole.arrays.at("key_turns")[4 * row]);
+    ASSERT_NEAR(read_quat.norm(), 1, 0.01);
+    const Eigen::Vector4f expected = (quat + turn) / quat.norm(), read = read_quat + read_turn;
+    ASSERT_LE((read - expected).cwiseAbs().maxCoeff(), 0.02);
+  }
+  host.groups.at("key_shifts")[7] = INFINITY;
+  const Container infinite = container_of_model(host, ViewPrecision::half);
+  EXPECT_EQ(infinite.header["arrays"]["key_shifts"]["type"], "float32");
+  EXPECT_EQ(infinite.arrays.at("key_shifts"), host.groups.at("key_shifts"));
 }
 
 TEST(ViewModel, NeedsPosesOfOtherModels) {
@@ -236,6 +260,24 @@ TEST(Thinned, LeavesOutTimesThatInterpolationGivesBack) {
   // In the middle between every second of 9 times, the parabola of height 1 is 1/16 off its chord.
   EXPECT_EQ(thinned(straight_poses(9, 1), one, 0.62).times.size(), 9u);
   EXPECT_EQ(thinned(straight_poses(9, 1), one, 0.63).times.size(), 5u);
+}
+
+// Nearly all of a scene is still.
+TEST(Thinned, KeepsTheTimesOfOneGaussianAmongManyThatAreStill) {
+  HostModel many;
+  const BakedPoses one = straight_poses(9, 1);
+  BakedPoses poses;
+  poses.moving = 50;
+  poses.times = one.times;
+  for (size_t i = 0; i < 50; ++i) append_gaussian(many, {0, 0, 0}, 0.1f, some_color(0), 1);
+  for (size_t k = 0; k < 9; ++k)
+    for (size_t i = 0; i < 50; ++i)
+      for (size_t c = 0; c < 4; ++c) {
+        if (c < 3) poses.means.push_back(i == 7 ? one.means[3 * k + c] : 0);
+        poses.quats.push_back(one.quats[4 * k + c]);
+      }
+  EXPECT_EQ(thinned(poses, many, 0.62).times.size(), 9u);
+  EXPECT_EQ(thinned(poses, many, 0.63).times.size(), 5u);
 }
 
 TEST(BakedPoses, TakeAsManyTimesAsFit) {

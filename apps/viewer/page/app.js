@@ -16,6 +16,7 @@ export const app = {
   movedAt: -1e9,          // when the camera moved last [ms]
   share: 1,               // of the resolution while something moves
   pathAt: null,           // seconds since the begin of the camera path while it plays
+  isCompared: false,      // whether something is shown to compare with
   recording: null,        // while a video is made
 };
 

@@ -125,7 +125,8 @@ export function attachCamera(element, camera, take, changed) {
     if (pointers.size === 2) {
       const after = [...pointers.values()], span = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]) || 1;
       const factor = span(...before) / span(...after.map(({ x, y }) => [x, y]));
-      act(() => { camera.zoom(factor); camera.pan(dx / 2 / height, dy / 2 / height); });
+      if (camera.style === 'orbit') act(() => { camera.zoom(factor); camera.pan(dx / 2 / height, dy / 2 / height); });
+      else act(() => camera.move([2 * dx / height, 0, 3 * (1 - factor) - 2 * dy / height].map((x) => x * camera.speed)));
     } else if (pointers.size === 1) {
       const pans = pointer.button === 2 || pointer.button === 1 || event.shiftKey;
       const sign = camera.style === 'orbit' ? 1 : -0.5;
@@ -139,7 +140,7 @@ export function attachCamera(element, camera, take, changed) {
   }, { passive: false });
 
   const directions = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0, 1, 0], q: [0, -1, 0] };
-  const typing = (event) => event.target.closest?.('input[type=text], input[type=number], select, dialog[open]') || event.ctrlKey || event.metaKey || event.altKey;
+  const typing = (event) => event.target.closest?.('input[type=search], input[type=number], select, dialog[open]') || event.ctrlKey || event.metaKey || event.altKey;
   addEventListener('keydown', (event) => {
     const key = event.key.toLowerCase();
     if (directions[key] && !typing(event)) { held.add(key); changed(); }

@@ -3,7 +3,7 @@
 
 const curves = [
   ['loss', 'Loss', (x) => x.toPrecision(3), true], ['psnr', 'PSNR of the training images', (x) => `${x.toFixed(2)} dB`, false],
-  ['flow_epe', 'Flow error', (x) => `${x.toPrecision(3)} px`, true], ['num_gaussians', 'Gaussians', (x) => Math.round(x).toLocaleString('en'), false],
+  ['flow_epe', 'Flow error, all pixels', (x) => `${x.toPrecision(3)} px`, true], ['num_gaussians', 'Gaussians', (x) => Math.round(x).toLocaleString('en'), false],
 ];
 
 export function drawCharts(element, lines) {
@@ -33,10 +33,11 @@ function drawCurve(canvas, points, logarithmic) {
   const place = ([x], i) => [pad + (x / last) * (width - 2 * pad), height - pad - ((ys[i] - low) / span) * (height - 2 * pad)];
   context.lineWidth = 1.5 * ratio;
   context.lineJoin = 'round';
-  context.strokeStyle = style.getPropertyValue('--accent');
+  context.strokeStyle = context.fillStyle = style.getPropertyValue('--accent');
   context.beginPath();
   points.forEach((point, i) => context.lineTo(...place(point, i)));
   context.stroke();
+  if (points.length === 1) context.fillRect(...place(points[0], 0).map((x) => x - 2 * ratio), 4 * ratio, 4 * ratio);
   const fill = context.createLinearGradient(0, 0, 0, height);
   fill.addColorStop(0, 'rgba(124, 196, 255, .22)');
   fill.addColorStop(1, 'rgba(124, 196, 255, 0)');
@@ -68,7 +69,7 @@ export function trainingEntries(info, lines) {
     ['Rate', rate && `${rate.toPrecision(3)} steps/s`],
     ['Time left', left && (left > 90 ? `${Math.round(left / 60)} min` : `${Math.round(left)} s`)],
     ['Test PSNR', withUnit(fixed(test?.psnr, 2), 'dB')], ['where it moves', withUnit(fixed(test?.psnr_dynamic, 2), 'dB')],
-    ['Test SSIM', fixed(test?.ssim, 4)], ['Test flow error', withUnit(fixed(test?.flow_epe, 3), 'px')],
+    ['Test SSIM', fixed(test?.ssim, 4)], ['Test flow error, all pixels', withUnit(fixed(test?.flow_epe, 3), 'px')],
     ['where it moves ', withUnit(fixed(test?.flow_epe_dynamic, 3), 'px')],
   ];
 }

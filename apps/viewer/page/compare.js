@@ -3,19 +3,19 @@
 import { $, app, changed } from './app.js';
 
 const stage = $('stage'), handle = $('wipe'), image = $('truth'), other = $('other'), gain = $('gain'), tags = [$('tag-left'), $('tag-right')];
-let address = '';
+let loading = null, shown = null;  // { address, step } of true images
 
 // Shows an element, the image or the other canvas, over the picture, whose frame on the stage is
 // { left, top, width, height } in CSS pixels; `second` is the element's own frame beside it. null: shows nothing.
 export function showComparison(element, frame, second, titles) {
-  const { compare: kind, wipe: share } = app.state, shown = !!element, place = kind === 'beside' ? second : frame;
+  const { compare: kind, wipe: share } = app.state, visible = !!element, place = kind === 'beside' ? second : frame;
   image.hidden = element !== image;
   other.hidden = element !== other;
-  handle.hidden = !shown || kind !== 'wipe';
-  gain.hidden = !shown || kind !== 'difference';
-  stage.classList.toggle('difference', shown && kind === 'difference');
-  for (const tag of tags) tag.hidden = !shown || kind === 'difference';
-  if (!shown) return;
+  handle.hidden = !visible || kind !== 'wipe';
+  gain.hidden = !visible || kind !== 'difference';
+  stage.classList.toggle('difference', visible && kind === 'difference');
+  for (const tag of tags) tag.hidden = !visible || kind === 'difference' && !titles[0].includes('step');
+  if (!visible) return;
   for (const side of ['left', 'top', 'width', 'height']) {
     element.style[side] = `${place[side]}px`;
     gain.style[side] = `${frame[side]}px`;
@@ -33,15 +33,20 @@ export function showComparison(element, frame, second, titles) {
   for (const tag of tags) tag.style.maxWidth = `${upright ? frame.width - 16 : (beside ? 1 : 0.5) * frame.width - 16}px`;
 }
 
-// The true image at an address, on its way or there.
-export function truthAt(newAddress) {
-  if (newAddress !== address) image.src = address = newAddress;
+// The element of true images. It goes on showing the last one, whose time step truthStep() is, until the one at this
+// address is there: on a slow device, while time goes on, one after the other as they come.
+export function truthAt(address, step) {
+  if (!loading && shown?.address !== address) {
+    loading = { address, step };
+    image.src = address;
+  }
   return image;
 }
+export const truthStep = () => shown?.step;
 
 // PSNR [dB] of RGBA pixels against the true image shown; null if there is none of that size, undefined while it loads.
 export function psnrOfTruth(pixels, width, height) {
-  if (!image.hidden && !image.complete) return undefined;
+  if (!image.hidden && (loading || !image.complete)) return undefined;
   if (image.hidden || image.naturalWidth !== width || image.naturalHeight !== height) return null;
   const context = Object.assign(document.createElement('canvas'), { width, height }).getContext('2d', { willReadFrequently: true });
   context.drawImage(image, 0, 0);
@@ -66,5 +71,7 @@ export function attachWipe() {
     event.stopPropagation();
     move(app.state.wipe + by);
   });
-  image.addEventListener('load', () => changed());
+  const end = (done) => { shown = done; loading = null; changed(); };
+  image.addEventListener('load', () => end(loading));
+  image.addEventListener('error', () => end(loading && { ...loading, step: undefined }));
 }

@@ -48,9 +48,9 @@ function readArray(name, entry, buffer, base) {
     throw new FileError(`The model is truncated or damaged: its array ${name} does not fit into the file.`);
   const raw = entry.planes ? fromPlanes(new Uint8Array(buffer, at, length * size), size, Type)
     : at % size || entry.differences ? new Type(buffer.slice(at, at + length * size)) : new Type(buffer, at, length);
-  for (let d = 0; d < Math.min(entry.differences ?? 0, 2); ++d) {  // along the first axis, modulo 2^16
+  if (entry.differences) {  // along the first axis, modulo 2^16, their sign in the lowest bit
     const row = length / (entry.shape[0] || 1);
-    for (let k = row; k < length; ++k) raw[k] += raw[k - row];
+    for (let k = row; k < length; ++k) raw[k] = (raw[k] >> 1 ^ -(raw[k] & 1)) + raw[k - row];
   }
   if (Type === Float32Array) return raw;
   // scale and shift are numbers, or lists with one for each column.
@@ -155,13 +155,20 @@ function boxOf(means) {
 
 // The model and info of an exported page, whose HTML contains them; null if there are none.
 export async function embeddedModel() {
-  const element = document.getElementById('gflow-model');
-  if (!element) return null;
-  let bytes = Uint8Array.from(atob(element.textContent.trim()), (c) => c.charCodeAt(0));
+  if (!document.getElementById('gflow-model')) return null;
+  const [info, model] = await Promise.all(['gflow-info', 'gflow-model'].map(embedded));
+  return { model: parseContainer(model.buffer), info: JSON.parse(new TextDecoder().decode(info)) };
+}
+async function embedded(id) {
+  const element = document.getElementById(id);
+  let bytes;
+  try {
+    bytes = Uint8Array.from(atob(element.textContent), (c) => c.charCodeAt(0));
+  } catch {
+    throw new FileError('This file is damaged: it contains letters that do not belong there. Copy or export it again.');
+  }
   element.remove();
-  if (element.dataset.encoding === 'deflate-raw') bytes = await inflate(bytes, 'deflate-raw');
-  const info = document.getElementById('gflow-info');
-  return { model: parseContainer(bytes.buffer), info: info ? JSON.parse(info.textContent) : {} };
+  return inflate(bytes, 'gzip');
 }
 
 // Decompresses with the browser's own decoder.
@@ -172,6 +179,6 @@ export async function inflate(bytes, format) {
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream(format));
     return new Uint8Array(await new Response(stream).arrayBuffer());
   } catch {
-    throw new FileError('The file is truncated or damaged: it cannot be decompressed.');
+    throw new FileError('This file is truncated or damaged: it cannot be decompressed.');
   }
 }

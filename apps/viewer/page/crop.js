@@ -65,10 +65,10 @@ export function drawBox(context, { rotation: r, translation: t, fx, fy, cx, cy, 
   }
 }
 
-// The command that writes what the filter shows at this time; sizes in scene units, the box in the world.
+// The command that writes what the filter shows, of all times; sizes in scene units, the box in the world.
 export function exportCommand() {
-  const { run, model } = app.pane, name = run.name, words = ['gflow export', /^[\w./-]+$/.test(name) ? name : `'${name.replaceAll("'", "'\\''")}'`, '-o cropped.ply'];
-  if (model.motion !== 'static') words.push(`--times ${numberText(state.time)}`);
+  const { run, model } = app.pane, name = run.path ?? run.name, quoted = /^[\w./-]+$/.test(name) ? name : `'${name.replaceAll("'", "'\\''")}'`;
+  const words = ['gflow export', quoted, `-o cropped.${model.motion === 'static' ? 'ply' : 'html'}`];
   if (state.minOpacity > 0) words.push(`--min-opacity ${numberText(state.minOpacity)}`);
   if (state.maxSize !== null) words.push(`--max-size ${numberText(state.maxSize * model.size)}`);
   if (state.crop) words.push(`--crop ${state.crop.map((x) => (Number.isFinite(x) ? numberText(x) : x < 0 ? '-1e6' : '1e6')).join(' ')}`);

@@ -2,11 +2,11 @@
 // Draws what the state says: the picture, what it is compared with, and what lies over it.
 import { $, app } from './app.js';
 import { fillList } from './charts.js';
-import { showComparison, truthAt } from './compare.js';
+import { showComparison, truthAt, truthStep } from './compare.js';
 import { groupOf, pathOf } from './groups.js';
 import { showLegend } from './legend.js';
 import { drawOverlay } from './overlay.js';
-import { frameOf, nextTimeOf, stepAt } from './timeline.js';
+import { nextTimeOf, stepAt } from './timeline.js';
 import { frameView, isMoving } from './views.js';
 
 const { state } = app, canvas = $('canvas'), margin = [15 / 255, 17 / 255, 21 / 255];
@@ -40,11 +40,14 @@ export function draw(full = false) {
       resize(other.canvas, view.width, view.height);
       other.draw(view, state.time, shown, 0, 0, margin);
     } else if (comparing && other?.model) other.wantSort(view, state.time);
+    app.isCompared = !!drawn;
     showComparison(drawn ? other.canvas : null, framing.frame, framing.second, [other?.run?.name ?? '', pane.run.name]);
   } else {
     const address = comparing && camera && camera.image !== false ? pane.run.imageAddress(index) : '';
-    const taken = camera && Math.abs(stepAt(camera.time) - stepAt(state.time)) > 0.01 ? ` at step ${frameOf(camera.time)}` : '';
-    showComparison(address ? truthAt(address) : null, framing.frame, framing.second, [`True image${taken}`, 'Model']);
+    const image = address ? truthAt(address, stepAt(camera.time)) : null, step = truthStep() ?? stepAt(camera?.time ?? 0);
+    const late = Math.abs(step - stepAt(state.time)) < 0.01 ? '' : ` of step ${Math.round(step)}`;
+    app.isCompared = !!image;
+    showComparison(image, framing.frame, framing.second, [`True image${late}`, 'Model']);
   }
   drawOverlay(framing, shown);
 }

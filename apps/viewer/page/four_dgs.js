@@ -2,7 +2,7 @@
 // .4dgs files (avala-ai/4dgs, version 1): pieces on straight lines, each with a time window. Layout and
 // steps of the quantisation: optim/formats/four_dgs_read.cpp and four_dgs_grid.hpp.
 import { checkedModel, FileError, inflate } from './container.js';
-import { degreeOf, logitOf, sh0OfColor } from './ply_file.js';
+import { degreeOf, isDirection, logitOf, sh0OfColor } from './ply_file.js';
 
 const channelsOf = [3, 3, 1, 3, 3, 1, 3, 1, 1, 1, 1];  // position scale largest rotation colour opacity motion t life flags window
 
@@ -39,6 +39,12 @@ async function readStream(reader, count) {
   return { id, channels, row: mode === 2 ? () => 0 : (i) => i * channels, values };
 }
 
+function readMap(reader) {
+  const block = new FourDgsReader(reader.take(reader.u32())), map = {};
+  while (block.left) { const key = block.text(); map[key] = block.text(); }
+  return map;
+}
+
 export async function readFourDgs(bytes) {
   const file = new FourDgsReader(bytes);
   if (String.fromCharCode(...file.take(8)) !== '\x894DGS1\r\n') throw new FileError('This .4dgs file is of another version, or damaged.');
@@ -52,6 +58,8 @@ export async function readFourDgs(bytes) {
       header = { duration: part.f64(), count: part.u64(), cutoff: part.f64(), model: part.text() };
       for (let k = 0; k < 6; ++k) part.f64();
       header.degree = part.u8();
+      part.u8();
+      header.about = part.left ? readMap(part) : {};  // of gflow: fps and up
       if (header.model !== 'gaussian-birth') throw new FileError(`This .4dgs file moves as "${header.model}", which the page does not read.`);
       if (!(header.count <= 1 << 25) || header.degree > 3) throw new FileError('The .4dgs file is damaged: its header is out of range.');
     } else if (code === 3) {
@@ -129,6 +137,7 @@ function modelOfChunks(header, grid, windows, chunks) {
     }
   }
   degreeOf(bands);
-  const steps = Math.max(2, Math.round(header.duration * 24) + 1);
-  return checkedModel({ motion: 'spacetime', model: '.4dgs', count: n, sh_degree: header.degree, duration: header.duration || 1, cutoff: header.cutoff, steps, fps: 24 }, a);
+  const { about } = header, fps = +about.fps > 0 && +about.fps < 1e4 ? +about.fps : 24, up = about.up?.split(' ').map(Number);
+  const steps = Math.max(2, Math.round(header.duration * fps) + 1);
+  return checkedModel({ motion: 'spacetime', model: '.4dgs', count: n, sh_degree: header.degree, duration: header.duration || 1, cutoff: header.cutoff, steps, fps, ...(isDirection(up) && { up }) }, a);
 }

@@ -76,6 +76,8 @@ const named = (prefix, from, to) => Array.from({ length: to - from }, (_, k) => 
 export const sh0OfColor = (color) => (color - 0.5) / 0.28209479177387814;
 export const logitOf = (opacity) => (opacity <= 0 ? -Infinity : opacity >= 1 ? Infinity : Math.log(opacity / (1 - opacity)));
 
+export const isDirection = (v) => v?.length === 3 && v.every(Number.isFinite) && Math.hypot(...v) > 1e-6;
+
 // From channel by channel, as in files, to coefficient by coefficient.
 export function interleaved(values, n) {
   const width = values.length / Math.max(n, 1), bands = width / 3, out = new Float32Array(values.length);
@@ -103,6 +105,8 @@ export async function readPly(bytes, tables) {
   const sh_degree = degreeOf(rest.length / 3);
   if (sh_degree) arrays.sh_rest = interleaved(ply.columns(rest), n);
   const header = { motion: 'static', model: ply.comment('gflow') ?? '3DGS', count: n, moving: n, sh_degree, steps: 1 };
+  const up = ply.comments.find((words) => words[0] === 'up')?.slice(1).map(Number);
+  if (isDirection(up)) header.up = up;
   const number = (name, otherwise) => (Number.isFinite(+ply.comment(name)) ? +ply.comment(name) : otherwise);
   const timed = () => {
     Object.assign(header, { duration: number('duration', 1), cutoff: number('cutoff', 0.05), steps: 30, fps: 24 });

@@ -3,7 +3,7 @@
 import { $, app, changed, fail, onChange, onShow, showState } from './app.js';
 import { drawCharts, fillList, trainingEntries } from './charts.js';
 import { Pane } from './pane.js';
-import { LocalRun } from './source.js';
+import { LocalRun, serverIsGone } from './source.js';
 import { readSplatFiles } from './splat_files.js';
 import { setTime, steps } from './timeline.js';
 import { say, setBusy } from './ui.js';
@@ -45,8 +45,12 @@ export async function openRun(run) {
     awaited = null;
   } catch (error) {
     awaited = error.comesLater ? run : null;
-    if (awaited) say(`${error.message} …`);
-    else fail(error);
+    const shown = pane.model && pane.run !== run ? ` The picture is still of ${pane.run.name}.` : '';
+    if (awaited) say(`${error.message} …${shown}`);
+    else {
+      if (shown) $('run').value = String(pane.run.id);
+      fail(Object.assign(error, { message: error.message + shown }));
+    }
   }
   setBusy('');
 }
@@ -73,9 +77,18 @@ async function refresh(pane) {
   return true;
 }
 
+// Says when the server has ended, and no longer when it answers again.
+async function lookForServer() {
+  if (!app.runs.some((run) => run.isServed)) return;
+  const gone = await serverIsGone();
+  $('gone').hidden = !gone;
+  $('live').hidden = gone || !app.info.live;
+}
+
 // While a training runs and somebody looks: its newest model and curves.
 export async function follow() {
   if (document.visibilityState === 'visible' && !app.recording) {
+    await lookForServer();
     try {
       if (awaited) await openRun(awaited);
       else if (await refresh(app.pane)) {

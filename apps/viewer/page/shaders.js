@@ -5,6 +5,7 @@ import { texelsPerKey, texelsPerRow } from './packing.js';
 
 export const textureWidth = 4096;  // texels per row of a parameter texture; a power of two
 export const keyLayers = 8;        // keys on the device at once
+const transports = ['material', 'translate', 'paper', 'ot'];
 const motionNumbers = { static: 0, spacetime: 1, native4d: 2, keyframes: 3, poses: 4 };
 // What a picture shows. `depth` and `flow` are sums of values, the others of colours.
 export const modeNumbers = { color: 0, opacity: 1, depth: 2, flow: 3, motion: 4, ellipsoids: 5, points: 6 };
@@ -15,7 +16,7 @@ function definesOf(model, mode) {
     ROW_TEXELS: texelsPerRow(model), KEYS: model.keyCount > 0 ? 1 : 0, KEY_TEXELS: texelsPerKey(model),
     KEY_OPACITIES: model.arrays.pose_opacities ? 1 : 0, CUBIC: model.arrays.cubics ? 1 : 0,
     WINDOWS: model.arrays.windows ? 1 : 0, WIDTH_BITS: Math.log2(textureWidth), LAYERS: keyLayers,
-    MATERIAL: model.transport === 'translate' ? 0 : 1,
+    TRANSPORT: Math.max(transports.indexOf(model.transport), 0),
   };
   return Object.entries(numbers).map(([name, value]) => `#define ${name} ${value}\n`).join('');
 }
@@ -195,6 +196,38 @@ Projection project(vec3 mean, Rows3 factor) {
   return o;
 }
 
+#if TRANSPORT > 1
+// H of transport.h for the maps paper and ot, from differences, so that nothing cancels for small motion.
+mat2 adjugate(mat2 s) { return mat2(s[1][1], -s[0][1], -s[1][0], s[0][0]); }
+float trace(mat2 s) { return s[0][0] + s[1][1]; }
+float inner(mat2 x, mat2 y) { return x[0][0] * y[0][0] + 2. * x[0][1] * y[0][1] + x[1][1] * y[1][1]; }
+mat2 symmetric(float a, float b, float c) { return mat2(a, b, b, c); }
+mat2 covariance(Projection o) { return symmetric(dot(o.m1, o.m1) + dilation, dot(o.m1, o.m2), dot(o.m2, o.m2) + dilation); }
+float determinantOf(Projection o) {
+  vec3 minors = cross(o.m1, o.m2);
+  return dot(minors, minors) + dilation * (dot(o.m1, o.m1) + dot(o.m2, o.m2) + dilation);
+}
+mat2 transport(Projection o, Projection o2) {
+  vec3 e1 = o2.m1 - o.m1, e2 = o2.m2 - o.m2, sum1 = o.m1 + o2.m1, sum2 = o.m2 + o2.m2;
+  mat2 S = covariance(o), S2 = covariance(o2), change = symmetric(dot(e1, sum1), .5 * (dot(e1, sum2) + dot(e2, sum1)), dot(e2, sum2));
+  float s = sqrt(determinantOf(o)), s2 = sqrt(determinantOf(o2));  // determinants of the square roots
+#if TRANSPORT == 2
+  // B2 - B, the X with M X + X M = change for the mean M of the roots; then inv(B) U, a rotation.
+  mat2 M = .5 * ((S + mat2(s)) / sqrt(trace(S) + 2. * s) + (S2 + mat2(s2)) / sqrt(trace(S2) + 2. * s2));
+  float det = M[0][0] * M[1][1] - M[0][1] * M[0][1];
+  mat2 X = (change * det + adjugate(M) * change * adjugate(M)) / (2. * trace(M) * det);
+  vec2 q = normalize(vec2(S[1][1] + s, -S[0][1]));
+  return X * mat2(q.x, q.y, -q.y, q.x);
+#else
+  vec3 minors = cross(o.m1, o.m2) + cross(o2.m1, o2.m2), minorsChange = cross(e1, o2.m2) + cross(o.m1, e2);
+  float sChange = (dot(minorsChange, minors) + dilation * trace(change)) / (s + s2), rChange = sChange / s;
+  float n = sqrt(inner(S, S2) + 2. * s * s2), nChange = (inner(S, change) + 2. * s * sChange) / (n + trace(S));
+  float u3 = sqrt(S[1][1]);
+  return (change - rChange * S + mat2(rChange * trace(S) - nChange)) / n * mat2(s / u3, 0, S[0][1] / u3, u3);
+#endif
+}
+#endif
+
 vec3 colorOf(int i, vec3 mean) {
   vec3 v = mean - eye;
   float squared = dot(v, v);
@@ -255,10 +288,13 @@ void main() {
       Projection o2 = project(later.mean, later.factor);
       if (o2.p.z >= near) {
         value.xy = o2.mean - o.mean;
-#if MATERIAL
+#if TRANSPORT == 0
         vec3 e1 = o2.m1 - o.m1, e2 = o2.m2 - o.m2;
         vec3 w1 = (cross(o.m2, minors) + o.m1 * dilation) * (k1 / c), w2 = o.m2 * k3;
         transportH = vec4(dot(e1, w1), dot(e1, w2), dot(e2, w1), dot(e2, w2)) / SQRT_HALF_LOG2_E;
+#elif TRANSPORT > 1
+        mat2 H = transport(o, o2);
+        transportH = vec4(H[0][0], H[1][0], H[0][1], H[1][1]) / SQRT_HALF_LOG2_E;
 #endif
         if (!(abs(dot(value, vec4(1)) + dot(transportH, vec4(1))) < 1e37)) value = transportH = vec4(0);
       }

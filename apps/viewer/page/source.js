@@ -17,10 +17,12 @@ async function fetched(address, options) {
 }
 const json = async (address) => (await fetched(address)).json();
 
+export const serverIsGone = () => fetch('/api/runs').then(() => false, () => true);
+
 // A run of the server.
 export class ServedRun {
   constructor(entry) {
-    Object.assign(this, entry);
+    Object.assign(this, entry, { isServed: true });
     this.tag = null;
     this.nextLine = 0;
     this.lines = [];

@@ -9,7 +9,9 @@ export async function readSplatFiles(files) {
   const isTable = (file) => file.name.endsWith('.npz');
   const file = files.find((one) => !isTable(one)), table = files.find(isTable);
   if (!file) throw new FileError('This .npz file has only motion: drop it together with its PLY.');
-  let bytes = new Uint8Array(await file.arrayBuffer());
+  let bytes = await file.arrayBuffer().then((buffer) => new Uint8Array(buffer), () => { throw new FileError(`${file.name} cannot be read; is it a folder?`); });
+  if (!bytes.length) throw new FileError(`${file.name} is empty.`);
+  if (/\.html?$/i.test(file.name)) throw new FileError(`${file.name} is a page of its own: open it in the browser instead of dropping it here.`);
   const begins = (text) => bytes.length >= text.length && [...text].every((c, i) => bytes[i] === c.charCodeAt(0));
   if (bytes[0] === 0x1f && bytes[1] === 0x8b) bytes = await inflate(bytes, 'gzip');
   const read = async () => {
@@ -18,8 +20,10 @@ export async function readSplatFiles(files) {
     if (begins('NGSP')) return { model: readSpz(bytes) };
     if (begins('\x894DGS')) return { model: await readFourDgs(bytes) };
     if (begins('Kg\0\0')) return { model: readSplatv(bytes) };
-    if (file.name.endsWith('.splat') || bytes.length % 32 === 0) return { model: readDotSplat(bytes) };
-    throw new FileError(`${file.name} is no splat file that this page reads: PLY, .splat, .spz, .splatv or .4dgs.`);
+    if (/\.splat$/i.test(file.name)) return { model: readDotSplat(bytes) };
+    const ending = /\.(ply|spz|splatv|4dgs)$/i.exec(file.name)?.[0];
+    throw new FileError(ending ? `${file.name} is damaged, or has the wrong name: it does not begin as a ${ending} file.`
+      : `${file.name} is no splat file that this page reads: PLY, .splat, .spz, .splatv or .4dgs.`);
   };
   const { model, note } = await read();
   return { name: file.name, model, note };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which camera the picture is of, and where it lies on the stage.
 import { $, app, changed, onChange, onShow, showState } from './app.js';
-import { dot3, FreeCamera, viewOfCamera } from './camera.js';
+import { dot3, FreeCamera, unit3, viewOfCamera } from './camera.js';
 import { cameraIndex, groupCameras, groupOf, memberAt } from './groups.js';
 import { setTime } from './timeline.js';
 
@@ -95,22 +95,39 @@ export function nextUp() {
   lookFromOutside();
 }
 
-// For the cameras of another run: their list, upwards, and the camera that the state names.
-export function useCameras() {
-  const { cameras } = app.info, groups = app.groups = groupCameras(cameras), select = $('camera');
+// The cameras in the list: those whose name contains what is searched for.
+function listCameras() {
+  const { groups } = app, select = $('camera'), word = $('find').value.trim().toLowerCase(), { value } = select;
+  let found = 0;
   select.replaceChildren(new Option('Free camera', ''));
   for (const [split, title] of [['test', 'Test cameras'], ['val', 'Validation cameras'], ['train', 'Training cameras'], ['view', 'Cameras']]) {
-    const part = groups.filter((group) => group.split === split);
+    const part = groups.filter((group) => group.split === split && group.label.toLowerCase().includes(word));
     if (!part.length) continue;
+    found += part.length;
     const section = document.createElement('optgroup');
     section.label = title;
     for (const group of part) section.append(new Option(group.label, String(group.members[0])));
     select.append(section);
   }
+  select.value = value;
+  $('find').setCustomValidity(found || !groups.length ? '' : 'No camera has this name');
+}
+// Shows the first camera found.
+function goToFound() {
+  const option = $('camera').querySelector('optgroup option');
+  if ($('find').value && option) setCamera(+option.value);
+}
+
+// For the cameras of another run: their list, upwards, and the camera that the state names.
+export function useCameras() {
+  const { cameras } = app.info, groups = app.groups = groupCameras(cameras);
+  $('find').value = '';
+  $('find').hidden = groups.length < 30;
+  listCameras();
   for (const id of ['previous', 'following', 'camera']) $(id).disabled = !groups.length;
   // Up is that of the cameras on average: minus their y axes.
   const sum = [0, 1, 2].map((k) => -cameras.reduce((all, { viewmat }) => all + viewmat[4 + k], 0)), norm = Math.hypot(...sum);
-  free.up = app.pane.model.up ?? (norm > 0.1 * cameras.length && norm > 0 ? sum.map((x) => x / norm) : [0, -1, 0]);
+  free.up = app.pane.model.up ? unit3(app.pane.model.up) : (norm > 0.1 * cameras.length && norm > 0 ? sum.map((x) => x / norm) : [0, -1, 0]);
   const wanted = cameraIndex(), { time } = state;
   if (state.free && free.fromText(state.free)) { state.camera = null; state.fov = degrees(free.fov); } else if (wanted >= 0) setCamera(wanted);
   else resetCamera();
@@ -118,6 +135,8 @@ export function useCameras() {
 }
 
 export function attachViews() {
+  $('find').addEventListener('input', listCameras);
+  $('find').addEventListener('change', goToFound);
   $('camera').addEventListener('change', () => { if ($('camera').value === '') { takeCamera(); cameraMoved(); } else setCamera(+$('camera').value); });
   $('fov').addEventListener('input', () => { takeCamera(); free.fov = state.fov * Math.PI / 180; cameraMoved(); });
   onShow(() => { free.style = state.style; });
