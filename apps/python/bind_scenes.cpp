@@ -6,6 +6,7 @@
 #include "apps/python/rasterization.hpp"
 #include "optim/flow/optical_flow.hpp"
 #include "optim/images/image.hpp"
+#include "runtime/base/warning.hpp"
 
 namespace py = pybind11;
 
@@ -131,7 +132,7 @@ std::shared_ptr<PyScene> scene_of(const py::list& views, const py::object& point
     scene.points.rgb.assign(rgb.data(), rgb.data() + rgb.size());
   }
   TrainOptions options;
-  for (const std::string& setting : settings) apply_setting(options, setting);
+  apply_settings(options, settings);
   const py::gil_scoped_release unlocked;
   complete_scene(scene, options.scene);
   auto made = std::make_shared<PyScene>();
@@ -143,13 +144,19 @@ std::shared_ptr<PyScene> scene_of(const py::list& views, const py::object& point
 
 std::shared_ptr<PyScene> read(const std::string& path, const std::vector<std::string>& settings) {
   TrainOptions options;
-  for (const std::string& setting : settings) apply_setting(options, setting);
+  apply_settings(options, settings);
   options.scene.path = std::filesystem::absolute(path).lexically_normal().string();
   check(options);
-  const py::gil_scoped_release unlocked;
   auto scene = std::make_shared<PyScene>();
-  scene->options = options.scene;
-  scene->loaded = load_scene(options.scene, "");
+  std::vector<std::string> said;
+  {
+    const py::gil_scoped_release unlocked;
+    const WarningsTo warnings([&](const std::string& sentence) { said.push_back(sentence); });
+    scene->options = options.scene;
+    scene->loaded = load_scene(options.scene, "");
+  }
+  for (const std::string& sentence : said)
+    if (PyErr_WarnEx(PyExc_RuntimeWarning, sentence.c_str(), 1) != 0) throw py::error_already_set();
   return scene;
 }
 
@@ -164,6 +171,15 @@ py::tuple optical_flow(const Bytes& a, const Bytes& b) {
 }
 
 }  // namespace
+
+void apply_settings(TrainOptions& options, const std::vector<std::string>& settings) {
+  for (const std::string& setting : settings) try {
+      apply_setting(options, setting);
+    } catch (const Error& problem) {
+      const std::string text = problem.what(), option = "--set ";
+      throw InputError(text.rfind(option, 0) == 0 ? text.substr(option.size()) : text);
+    }
+}
 
 void bind_scenes(py::module_& m) {
   const auto value = [](auto Scene::*field) {

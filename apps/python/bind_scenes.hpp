@@ -13,4 +13,7 @@ struct PyScene {
   bool in_memory = false;  // made of arrays, so that there is no folder to read it from again
 };
 
+// Applies "section.key=value". InputError without the option that the command has for it.
+void apply_settings(TrainOptions& options, const std::vector<std::string>& settings);
+
 }  // namespace gflow::python

@@ -74,8 +74,13 @@ class PyState {
 class PyObserver : public TrainObserver {
  public:
   // Of every `every` steps and the last one. callback: None for none; progress: a bar, or nullptr.
-  PyObserver(py::handle callback, int every, const TrainOptions& options, Progress* progress)
-      : callback_(callback), every_(every), options_(options), progress_(progress) {}
+  PyObserver(py::handle callback, int every, const TrainOptions& options, Progress* progress,
+             bool keeps_run)
+      : callback_(callback),
+        every_(every),
+        options_(options),
+        progress_(progress),
+        keeps_run_(keeps_run) {}
 
   void on_flow(size_t, size_t) override {}
   void on_notice(const std::string& sentence) override {
@@ -96,9 +101,16 @@ class PyObserver : public TrainObserver {
       stops_ = py::cast<bool>(py::bool_(callback_(shown)));
     } catch (...) {
       shown->end();
-      throw;
+      if (!keeps_run_) throw;
+      failure_ = std::current_exception();  // after the run is saved
+      stops_ = true;
     }
     shown->end();
+  }
+
+  // Throws what the callback has thrown.
+  void rethrow() {
+    if (failure_) std::rethrow_exception(failure_);
   }
 
   // Raises what Python's filters make of the warnings so far.
@@ -120,7 +132,9 @@ class PyObserver : public TrainObserver {
   const int every_;
   const TrainOptions& options_;
   Progress* progress_;
+  const bool keeps_run_;  // what fails ends the training as if it asked for that
   bool stops_ = false;
+  std::exception_ptr failure_;
   std::mutex mutex_;
   std::vector<std::string> notices_;
 };
@@ -139,8 +153,7 @@ TrainOptions options_of(const py::dict& arguments, const RunFolder* run, bool re
     apply_file(options, config);
     require_no_program(options, config);
   }
-  for (const auto& setting : py::cast<std::vector<std::string>>(arguments["settings"]))
-    apply_setting(options, setting);
+  apply_settings(options, py::cast<std::vector<std::string>>(arguments["settings"]));
   return options;
 }
 
@@ -155,7 +168,8 @@ Queue queue_of(const TrainOptions& options) {
 struct Outcome {
   std::shared_ptr<ShownModel> model;
   int steps = 0;
-  std::string report;  // path, or empty
+  std::string report;   // path, or empty
+  int scene_steps = 0;  // time steps; 0: those of the run's scene
 };
 
 Outcome train_in_memory(Scene scene, const TrainOptions& options, PyObserver& observer,
@@ -163,22 +177,34 @@ Outcome train_in_memory(Scene scene, const TrainOptions& options, PyObserver& ob
   Queue queue = queue_of(options);
   TrainExtensions extensions{&observer, std::move(objectives)};
   const float near = near_or_default(options.render.near, scene);
+  const int scene_steps = scene.steps;
   TrainResult result = train(queue, std::move(scene), options, extensions);
-  return {std::make_shared<ShownModel>(std::move(result.model), options, near), result.steps, ""};
+  return {std::make_shared<ShownModel>(std::move(result.model), options, near), result.steps, "",
+          scene_steps};
 }
 
 Outcome train_into(const RunFolder& run, const TrainOptions& options, PyObserver& observer,
                    std::vector<MakeObjective> objectives, Start start, bool quiet) {
   Queue queue = queue_of(options);
-  report::RecordedNotices notices(&observer);
+  report::RecordedNotices notices(&observer, true);
+  if (start == Start::resume)
+    for (const std::string& sentence : report::read_notices(run)) notices.add(sentence);
   TrainExtensions extensions{&notices, std::move(objectives)};
-  const Evaluation evaluation = train_run(queue, options, run, quiet, start, extensions);
+  const Evaluation evaluation = [&] {
+    try {
+      return train_run(queue, options, run, quiet, start, extensions);
+    } catch (...) {
+      if (RunFolder::is_run(run.folder())) report::write_notices(run, notices.sentences());
+      throw;
+    }
+  }();
+  report::write_notices(run, notices.sentences());
   const bool tested = std::filesystem::exists(run.path("results.json"));
   const std::string report =
       report::write_run_report(queue, run, evaluation, tested ? "test" : "train",
                                "gflow " GFLOW_VERSION, notices.sentences());
   Outcome outcome{std::make_shared<ShownModel>(ShownModel::load(run.folder(), latest_iteration)), 0,
-                  report};
+                  report, 0};
   outcome.steps = run.read_facts().iterations;
   return outcome;
 }
@@ -207,7 +233,11 @@ py::dict train_from_python(const py::dict& arguments) {
   } else if (const auto path = py::cast<std::string>(scene); !path.empty()) {
     options.scene.path = std::filesystem::absolute(path).lexically_normal().string();
   }
-  check(options);
+  try {
+    check(options);
+  } catch (const Error& problem) {
+    throw InputError(problem.what());
+  }
 
   Outcome outcome;
   {
@@ -215,7 +245,7 @@ py::dict train_from_python(const py::dict& arguments) {
     std::unique_ptr<Progress> progress;
     if (folder.empty() && !quiet)
       progress = std::make_unique<Progress>("train", options.train.iterations);
-    PyObserver observer(callback, every, options, progress.get());
+    PyObserver observer(callback, every, options, progress.get(), !folder.empty());
     if (!folder.empty()) {
       find_cameras_of_video(options, run, std::nullopt, resume, quiet);
       outcome = train_into(run, options, observer, std::move(objectives),
@@ -231,11 +261,13 @@ py::dict train_from_python(const py::dict& arguments) {
                           options, observer, std::move(objectives));
     }
     observer.warn();
+    observer.rethrow();
   }
   py::dict result;
   result["model"] = outcome.model;
   result["steps"] = outcome.steps;
   result["report"] = outcome.report;
+  result["scene_steps"] = outcome.scene_steps;
   return result;
 }
 

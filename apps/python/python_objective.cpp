@@ -3,6 +3,7 @@
 
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "apps/python/cameras.hpp"
@@ -71,7 +72,15 @@ class PythonObjective : public Objective {
     const auto pair = py::cast<py::tuple>(result);
     const double value = py::cast<double>(pair[0]);
     value_ = std::isnan(value_) ? value : value_ + value;
+    if (!std::isfinite(value))
+      throw InputError(fmt::format("objective '{}': its loss is {}", name_, value));
     const auto gradients = py::cast<py::dict>(pair[1]);
+    for (const auto& [key, gradient] : gradients)
+      if (const auto name = py::cast<std::string>(key); !has_gradient(name, with_flow))
+        throw InputError(
+            fmt::format("objective '{}': there is no image '{}' to have a gradient; its images are "
+                        "colors, alphas and those that its channels name",
+                        name_, name));
     add(queue, gradients, "colors", 3, part, v.v_rgb);
     add(queue, gradients, "alphas", 1, part, v.v_alpha);
     if (depth_) add(queue, gradients, "depth", 1, part, v.v_depth);
@@ -84,6 +93,11 @@ class PythonObjective : public Objective {
   }
 
  private:
+  bool has_gradient(const std::string& image, bool with_flow) const {
+    return image == "colors" || image == "alphas" || (image == "depth" && depth_) ||
+           (image == "flow" && with_flow);
+  }
+
   // [h, w, channels] of [channels, h, w].
   static void from_planes(const std::vector<float>& planes, size_t channels, float* to) {
     const size_t pixels = planes.size() / channels;
@@ -114,6 +128,10 @@ class PythonObjective : public Objective {
           fmt::format("objective '{}': its gradient '{}' should have the shape of the image, "
                       "({}, {}, {})",
                       name_, name, part.height, part.width, channels));
+    if (!std::all_of(array.data(), array.data() + array.size(),
+                     [](float x) { return std::isfinite(x); }))
+      throw InputError(
+          fmt::format("objective '{}': its gradient '{}' has a NaN or Inf", name_, name));
     std::vector<float> sum = v.read(queue);
     const size_t pixels = sum.size() / channels;
     for (size_t i = 0; i < pixels; ++i)

@@ -114,6 +114,14 @@ Pictures ShownModel::render(const Camera& camera, double time, std::optional<dou
                             std::optional<float> near) {
   require_time(time, "t");
   if (time_t2) require_time(*time_t2, "t2");
+  if (camera_t2.width != camera.width || camera_t2.height != camera.height)
+    throw InputError(fmt::format("the camera at t2 has {} x {} pixels, the one at t {} x {}",
+                                 camera_t2.width, camera_t2.height, camera.width, camera.height));
+  if (near && !(*near >= 0))
+    throw InputError(fmt::format("a near plane is at {}, expected at least 0", *near));
+  for (const float level : background)
+    if (!std::isfinite(level))
+      throw InputError(fmt::format("a background has the colour {}", level));
   Device& device = current_device();
   const std::lock_guard<std::mutex> lock(device.mutex);
   Queue& queue = device.queue;

@@ -11,13 +11,16 @@
 namespace gflow::report {
 
 // Passes everything on to another observer, if there is one. While it lives, warnings are recorded
-// and printed; events of the training are recorded.
+// and printed, or passed on; events of the training are recorded.
 class RecordedNotices : public TrainObserver {
  public:
-  explicit RecordedNotices(TrainObserver* beside)
-      : beside_(beside), warnings_([this](const std::string& sentence) {
+  explicit RecordedNotices(TrainObserver* beside, bool passes_warnings_on = false)
+      : beside_(beside), warnings_([this, passes_warnings_on](const std::string& sentence) {
           add(sentence);
-          print_warning(sentence);
+          if (passes_warnings_on)
+            beside_->on_notice(sentence);
+          else
+            print_warning(sentence);
         }) {}
 
   // Records without printing.

@@ -170,3 +170,10 @@ def test_devices_are_listed_with_their_checks():
     with pytest.raises(gflow.DeviceError, match="no OpenCL device matches 'abacus'; available: 0: "):
         gflow.device("abacus")
     assert gflow.device() == before
+
+
+def test_a_capsule_of_dlpack_is_an_array():
+    s = single(without_motion(scene()))
+    expected = gflow.rasterization(**s, width=SIZE[0], height=SIZE[1])[0]
+    s["means"] = s["means"].__dlpack__()
+    np.testing.assert_array_equal(gflow.rasterization(**s, width=SIZE[0], height=SIZE[1])[0], expected)

@@ -186,3 +186,16 @@ def test_what_has_no_gradient_is_refused():
     given["Ks"] = given["Ks"].requires_grad_()
     with pytest.raises(TypeError, match="'Ks' requires a gradient, but gflow has none by the intrinsics"):
         drawn_by_gflow(given)
+
+
+def test_what_a_caller_does_to_alphas_leaves_the_gradient_of_backgrounds():
+    def gradient(change):
+        s = {name: torch.tensor(array) for name, array in single(without_motion(scene())).items()}
+        s["backgrounds"].requires_grad_()
+        colors, alphas, _ = gflow.torch.rasterization(**s, width=SIZE[0], height=SIZE[1])
+        if change:
+            alphas.detach().clamp_(max=0.01)
+        colors.sum().backward()
+        return s["backgrounds"].grad
+
+    torch.testing.assert_close(gradient(True), gradient(False))

@@ -101,6 +101,8 @@ def test_a_scene_is_read_from_its_folder(folder):
     np.testing.assert_array_equal(view.image()[..., :3], picture(cameras()[1], 0))
     half = gflow.Scene(folder, resolution=2)
     assert half.test[0].image().shape[:2] == (H // 2, W // 2)
+    few = gflow.train(folder, scene={"max_steps": 2}, iterations=1, **QUICK)
+    assert few.steps == 1
     assert (half.test[0].camera.width, half.test[0].camera.K[0, 0]) == (W // 2, pytest.approx(25))
 
 
@@ -143,15 +145,19 @@ def test_training_learns_and_tells_its_callback():
     assert error(models[-1]) == error(result.model)  # that of the last step
 
 
-def test_a_callback_may_stop_and_may_fail():
+def test_a_callback_may_stop_and_may_fail(folder, tmp_path):
     result = gflow.train(scene_of_arrays(), callback=lambda state: state.step == 7, iterations=60, **QUICK)
     assert result.steps == 7
 
     def fails(state):
-        raise LookupError("of the caller")
+        if state.step == 3:
+            raise LookupError("of the caller")
 
     with pytest.raises(LookupError, match="of the caller"):
         gflow.train(scene_of_arrays(), callback=fails, iterations=60, **QUICK)
+    with pytest.raises(LookupError, match="of the caller"):
+        gflow.train(folder, tmp_path / "run", callback=fails, iterations=60, **QUICK)
+    assert gflow.Model.load(tmp_path / "run").state.startswith("iteration 3 ")  # saved before
 
 
 def test_the_state_ends_with_its_callback():
@@ -185,8 +191,12 @@ def test_a_run_is_that_of_the_command(folder, tmp_path):
 
 
 def test_settings_that_do_not_exist_are_named():
-    with pytest.raises(gflow.Error, match="flow.wieght.*flow.weight"):
+    with pytest.raises(gflow.InputError, match="^(?!--set).*flow.wieght.*flow.weight"):
         gflow.train(scene_of_arrays(), flow={"wieght": 1})
+    with pytest.raises(gflow.InputError, match="train.iterations"):
+        gflow.train(scene_of_arrays(), iterations=-5)
+    with pytest.raises(TypeError, match="'callback' is 5"):
+        gflow.train(scene_of_arrays(), callback=5)
     with pytest.raises(TypeError, match="no argument 'iteration'.*train"):
         gflow.train(scene_of_arrays(), iteration=10)
     with pytest.raises(TypeError, match="given twice"):
@@ -202,12 +212,14 @@ def test_every_setting_is_listed():
     assert listed["train.iterations"]["value"] == "20000" and "steps" in listed["train.iterations"]["meaning"]
 
 
-def test_warnings_are_pythons():
-    with pytest.warns(RuntimeWarning, match="fewer|times|black|colour"):
+def test_warnings_are_pythons(folder, tmp_path):
+    with pytest.warns(RuntimeWarning, match="of one colour"):
         black = [np.zeros((H, W, 3), np.uint8)] * STEPS
-        camera = cameras()[0]
-        scene = gflow.Scene.of(black, [camera] * STEPS, np.linspace(0, 1, STEPS))
+        scene = gflow.Scene.of(black, cameras()[:1] * STEPS, np.linspace(0, 1, STEPS))
         gflow.train(scene, iterations=2, **QUICK)
+    with pytest.warns(RuntimeWarning, match="motion.keys = 7 has no effect"):
+        gflow.train(folder, tmp_path / "run", iterations=2, motion={"model": "spacetime", "keys": 7}, **QUICK)
+    assert "motion.keys = 7" in (tmp_path / "run" / "notices.json").read_text()
 
 
 @pytest.mark.parametrize("settings", [
@@ -249,6 +261,9 @@ def test_a_model_is_saved_and_loaded(trained, tmp_path):
         np.testing.assert_array_equal(again.parameters()[name], values)
     gflow.export(trained, tmp_path / "scene.html", compact=True)
     assert b"<!doctype html>" in (tmp_path / "scene.html").read_bytes()[:200].lower()
+    gflow.export(trained, tmp_path / "moving.4dgs")  # it knows the scene's time steps
+    gflow.export(trained, tmp_path / "now.ply")
+    assert gflow.Model.load(tmp_path / "now.ply").moving < trained.moving
     gflow.export(tmp_path / "model.ply", tmp_path / "now.splat", times=0.25)
     assert len(gflow.Model.load(tmp_path / "now.splat")) <= len(trained)
     with pytest.raises(gflow.Error, match="cannot write .obj files"):
@@ -265,6 +280,12 @@ def test_wrong_cameras_and_times_are_explained(trained):
         trained.render(gflow.Camera(np.eye(3), camera.K, W, H), 0)
     with pytest.raises(gflow.InputError, match="viewmat"):
         trained.render(gflow.Camera(2 * np.eye(4), camera.K, W, H), 0)
+    with pytest.raises(gflow.InputError, match="has 24 x 18 pixels"):
+        trained.render(camera, 0, 1, camera_t2=camera.resized(W / 2, H / 2))
+    with pytest.raises(gflow.InputError, match="near plane is at -1"):
+        trained.render(camera, 0, near_plane=-1)
+    with pytest.raises(TypeError, match="such as view.camera"):
+        trained.render(scene_of_arrays().train[0], 0)
     with pytest.raises(TypeError, match="needs 't2'"):
         trained.render(camera, 0, camera_t2=camera)
 
@@ -338,9 +359,28 @@ def test_a_wrong_objective_is_explained():
     bad.result = (1.0, {"colors": np.zeros(3)})
     with pytest.raises(gflow.Error, match="gradient 'colors' should have the shape of the image"):
         gflow.train(scene_of_arrays(), iterations=2, objectives=[bad], **QUICK)
-    bad.channels = ("normals",)
-    with pytest.raises(gflow.Error, match="no channel 'normals'"):
-        gflow.train(scene_of_arrays(), iterations=2, objectives=[bad], **QUICK)
+    for result, sentence in (((1.0, {"colours": 0}), "no image 'colours'"), ((1.0, {"flow": 0}), "no image 'flow'"),
+                             ((float("nan"), {}), "its loss is nan")):
+        bad.result = result
+        with pytest.raises(gflow.Error, match=sentence):
+            gflow.train(scene_of_arrays(), iterations=2, objectives=[bad], **QUICK)
+    for channels in (("normals",), "depth"):
+        bad.channels = channels
+        with pytest.raises(gflow.InputError, match="expected a tuple of 'depth' and 'flow'"):
+            gflow.train(scene_of_arrays(), objectives=[bad])
+    with pytest.raises(TypeError, match="not a gflow.Objective object"):
+        gflow.train(scene_of_arrays(), objectives=[Bad])
+    with pytest.raises(gflow.InputError, match="same name"):
+        gflow.train(scene_of_arrays(), objectives=[Mean(1), Mean(2)])
+
+
+def test_a_gradient_that_is_not_finite_is_explained():
+    class Infinite(gflow.Objective):
+        def __call__(self, view):
+            return 1.0, {"colors": np.full_like(view.colors, np.inf)}
+
+    with pytest.raises(gflow.Error, match="gradient 'colors' has a NaN or Inf"):
+        gflow.train(scene_of_arrays(), iterations=2, objectives=[Infinite()], **QUICK)
 
 
 def test_other_threads_run_while_training():

@@ -1,5 +1,5 @@
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -50,7 +50,7 @@ def rasterization(
 def devices() -> list[dict[str, Any]]: ...
 def device(wanted: int | str | None = None) -> str: ...
 
-Path = str | os.PathLike[str]
+_Path = str | os.PathLike[str]
 
 class Camera:
     viewmat: NDArray[np.float64]
@@ -87,7 +87,7 @@ class Scene:
     extent: float
     near_plane: float
     notices: list[str]
-    def __init__(self, path: Path, resolution: Literal[1, 2, 4, 8] = 1, **settings: Any) -> None: ...
+    def __init__(self, path: _Path, resolution: Literal[1, 2, 4, 8] = 1, **settings: Any) -> None: ...
     @classmethod
     def of(
         cls,
@@ -117,9 +117,9 @@ class Model:
     near_plane: float
     state: str
     @classmethod
-    def load(cls, path: Path, iteration: int | None = None) -> Model: ...
+    def load(cls, path: _Path, iteration: int | None = None) -> Model: ...
     def __len__(self) -> int: ...
-    def save(self, path: Path, **options: Any) -> None: ...
+    def save(self, path: _Path, **options: Any) -> None: ...
     def parameters(self) -> dict[str, NDArray[np.float32]]: ...
     def at(self, t: float) -> dict[str, Any]: ...
     def render(
@@ -166,17 +166,18 @@ class RenderedView(SimpleNamespace):
 class Objective:
     name: str
     channels: Sequence[Literal["depth", "flow"]]
-    def __call__(self, view: RenderedView) -> tuple[float, dict[str, ArrayLike]]: ...
+    def __call__(self, view: RenderedView) -> tuple[float, Mapping[str, ArrayLike]]: ...
 
 def train(
-    scene: Path | Scene,
-    run: Path | None = None,
+    scene: _Path | Scene,
+    /,
+    run: _Path | None = None,
     callback: Callable[[TrainState], Any] | None = None,
     *,
     every: int = 1,
     objectives: Iterable[Objective] = (),
     quality: Literal["", "draft", "standard", "best"] = "",
-    config: Path = "",
+    config: _Path = "",
     resume: bool = False,
     overwrite: bool = False,
     quiet: bool = False,
@@ -187,5 +188,5 @@ def train(
 ) -> TrainResult: ...
 def settings() -> list[dict[str, str]]: ...
 def optical_flow(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]: ...
-def export(model: Path | Model, output: Path, **options: Any) -> None: ...
-def experiment(file: Path, output: Path | None = None, **options: Any) -> list[dict[str, Any]]: ...
+def export(model: _Path | Model, output: _Path, **options: Any) -> None: ...
+def experiment(file: _Path, output: _Path | None = None, **options: Any) -> list[dict[str, Any]]: ...

@@ -30,8 +30,23 @@ _MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
 _warned = False
 
 
+class _Capsule:
+    """A DLPack capsule of the CPU as an object that NumPy takes; it can be read once."""
+
+    def __init__(self, capsule):
+        self._capsule = capsule
+
+    def __dlpack__(self, stream=None):
+        return self._capsule
+
+    def __dlpack_device__(self):
+        return 1, 0
+
+
 def as_array(value, name):
     """A float32 array in C order with the values; the memory of `value` itself where possible."""
+    if type(value).__name__ == "PyCapsule":
+        value = _Capsule(value)
     if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
         try:
             value = np.from_dlpack(value)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trained models."""
+import operator
 import os
 import tempfile
 from dataclasses import dataclass
@@ -40,8 +41,8 @@ class Model:
     len(model)    number of Gaussians
     """
 
-    def __init__(self, native):
-        self._native = native
+    def __init__(self, native, source=None, steps=None):
+        self._native, self._source, self._steps = native, source, steps
 
     @classmethod
     def load(cls, path, iteration=None):
@@ -50,7 +51,9 @@ class Model:
         iteration: of a run, one that has a point cloud or checkpoint; default: the latest, which may be that of a
         training that is still running.
         """
-        return cls(_core.Model.load(os.fspath(path), iteration))
+        iteration = None if iteration is None else operator.index(iteration)
+        native = _core.Model.load(os.fspath(path), iteration)
+        return cls(native, (os.path.abspath(path), iteration))
 
     motion = property(lambda self: self._native.motion)
     moving = property(lambda self: self._native.moving)
@@ -68,13 +71,22 @@ class Model:
     def save(self, path, **options):
         """Writes the model: as .ply with its motion, which load() reads, else as gflow.export() does, by the ending of
         the name: .4dgs, .splatv and .html with motion; .splat and PLY sequences without."""
-        path = os.fspath(path)
-        if path.lower().endswith(".ply") and not options:
-            return self._native.save(path)
+        if os.fspath(path).lower().endswith(".ply") and not options:
+            return self._native.save(os.fspath(path))
+        self._export(path, options)
+
+    def _export(self, path, options):
+        if self._source:  # a run has its scene, too
+            source, iteration = self._source
+            if iteration is not None:
+                options = {"iteration": iteration, **options}
+            return _program.run_export(source, path, options)
+        if self._steps and os.fspath(path).lower().endswith(".4dgs"):
+            options = {"steps": self._steps, **options}
         with tempfile.TemporaryDirectory() as folder:
             file = os.path.join(folder, "model.ply")
             self._native.save(file)
-            _program.export(file, path, **options)
+            _program.run_export(file, path, options)
 
     def parameters(self):
         """Copies of the trained arrays by name, flat, as optim/motion documents them."""
@@ -98,6 +110,10 @@ class Model:
         camera_t2    the camera at t2; default: it stands still
         near_plane   [scene units]; default: the model's
         """
+        if not hasattr(camera, "viewmat"):
+            raise TypeError(f"Model.render: argument 'camera' is {camera!r}, expected a gflow.Camera, such as view.camera")
+        if len(background) != 3:
+            raise _core.InputError(f"Model.render: argument 'background' is {background!r}, expected three numbers")
         second = None if t2 is None else float(t2)
         if camera_t2 is not None and second is None:
             raise TypeError("Model.render: argument 'camera_t2' needs 't2', the time that flow leads to")

@@ -57,8 +57,12 @@ def export(model, output, **options):
     The ending of output decides: .html, .4dgs, .splatv (with motion), .ply, .splat (one time), or a folder with
     format="ply-sequence". options are those of the command: export(run, "scene.html", compact=True, min_opacity=0.05).
     """
-    if hasattr(model, "save"):
-        return model.save(output, **options)
+    if hasattr(model, "_export"):
+        return model._export(output, options)
+    run_export(model, output, options)
+
+
+def run_export(model, output, options):
     run("--quiet", "export", os.fspath(model), "-o", os.fspath(output), *_words(options))
 
 

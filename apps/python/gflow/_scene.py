@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes: cameras and images at times."""
+import operator
 import os
 from dataclasses import dataclass
 
@@ -23,6 +24,10 @@ class Camera:
     height: int
     name: str = ""
 
+    def __post_init__(self):
+        for side in ("width", "height"):
+            object.__setattr__(self, side, operator.index(getattr(self, side)))
+
     @property
     def position(self):
         """The centre of the camera in the world, [3]."""
@@ -31,6 +36,7 @@ class Camera:
 
     def resized(self, width, height):
         """The camera of the image resized to this many pixels."""
+        width, height = round(width), round(height)
         K = np.array(self.K, dtype=np.float64)
         K[0] *= width / self.width
         K[1] *= height / self.height
@@ -110,9 +116,13 @@ class Scene:
                 raise _core.InputError(f"a scene of arrays: argument 'splits' has {split!r}, expected train, test or val")
         views = [{"image": _image(image, camera, i), "camera": camera, "time": time, "track": track, "split": split}
                  for i, (image, camera, time, track, split) in enumerate(zip(images, cameras, times, tracks, splits))]
+        if not 0 < fps < np.inf:
+            raise _core.InputError(f"a scene of arrays: argument 'fps' is {fps}, expected time steps per second")
         if points is not None:
             points = np.ascontiguousarray(points, dtype=np.float64)
-            colors = np.full(points.shape, 128, np.uint8) if colors is None else np.ascontiguousarray(colors, np.uint8)
+            colors = np.full(points.shape, 128, np.uint8) if colors is None else np.ascontiguousarray(colors)
+            if colors.dtype != np.uint8 or not np.isfinite(points).all():
+                raise _core.InputError("a scene of arrays: argument 'colors' should be uint8, and 'points' finite")
             if points.ndim != 2 or points.shape[1] != 3 or colors.shape != points.shape:
                 raise _core.InputError(f"a scene of arrays: arguments 'points' and 'colors' have shapes {points.shape} "
                                        f"and {colors.shape}, expected (P, 3) both")

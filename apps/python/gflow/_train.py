@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Training."""
 import json
+import operator
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 from gflow import _core
@@ -24,7 +25,7 @@ class TrainResult:
     model: Model
     steps: int
     run: str
-    metrics: dict
+    metrics: dict = field(repr=False)  # pages long
     report: str
 
 
@@ -106,7 +107,16 @@ class Objective:
                             "{'colors': gradient})") from None
 
 
-def train(scene, run=None, callback=None, *, every=1, objectives=(), quality="", config="", resume=False,
+def _check(objective):
+    channels = objective.channels
+    if not isinstance(objective.name, str) or not objective.name:
+        raise _core.InputError(f"an objective has the name {objective.name!r}, expected a text")
+    if isinstance(channels, str) or not all(channel in ("depth", "flow") for channel in channels):
+        raise _core.InputError(f"objective '{objective.name}': its channels are {channels!r}, expected a tuple of "
+                               "'depth' and 'flow'")
+
+
+def train(scene, /, run=None, callback=None, *, every=1, objectives=(), quality="", config="", resume=False,
           overwrite=False, quiet=False, iterations=None, resolution=None, seed=None, **settings):
     """Trains a moving splat: a TrainResult. As `gflow train`, with the same bits.
 
@@ -117,7 +127,7 @@ def train(scene, run=None, callback=None, *, every=1, objectives=(), quality="",
     run          folder to write, as the command does: models, metrics, checkpoints, report.html. None: nothing is
                  written, and nothing is evaluated
     callback     called with a TrainState after each step that `every` divides, and after the last one. If it returns
-                 something true the training ends; its exceptions end it, too, and pass through
+                 something true the training ends; its exceptions end it, too, and pass through when a run is saved
     objectives   Objective objects, added to gflow's losses
     quality      "draft", "standard" or "best": how long to train
     config       a TOML file of settings
@@ -148,23 +158,34 @@ def train(scene, run=None, callback=None, *, every=1, objectives=(), quality="",
         scene = scene._native
     else:
         scene = os.fspath(scene)
+    if callback is not None and not callable(callback):
+        raise TypeError(f"gflow.train: argument 'callback' is {callback!r}, expected a function of a TrainState")
+    objectives = list(objectives)
+    for objective in objectives:
+        if not isinstance(objective, Objective):
+            raise TypeError(f"gflow.train: {objective!r} is not a gflow.Objective object")
+        _check(objective)
+    if len({objective.name for objective in objectives}) < len(objectives):
+        raise _core.InputError("gflow.train: two objectives have the same name, but terms are told apart by it")
     if run is None and (resume or overwrite):
         raise TypeError("gflow.train: 'resume' and 'overwrite' need 'run', the folder of the run")
     if resume and overwrite:
         raise TypeError("gflow.train: 'resume' continues a run and 'overwrite' replaces it: give one of them")
-    if every < 1:
+    if operator.index(every) < 1:
         raise _core.InputError(f"gflow.train: argument 'every' is {every}, expected a number of steps from 1 on")
     folder = "" if run is None else os.fspath(run)
     call = None if callback is None else lambda native: callback(TrainState(native))
     result = _core.train({"scene": scene, "run": folder, "callback": call, "every": every,
-                          "objectives": list(objectives), "quality": quality, "config": os.fspath(config),
+                          "objectives": objectives, "quality": quality, "config": os.fspath(config),
                           "settings": words, "resume": resume, "overwrite": overwrite, "quiet": quiet})
     metrics = None
     results = os.path.join(folder, "results.json")
     if folder and os.path.exists(results):
         with open(results, encoding="utf-8") as text:
             metrics = json.load(text)
-    return TrainResult(Model(result["model"]), result["steps"], folder or None, metrics, result["report"] or None)
+    source = (os.path.abspath(folder), result["steps"]) if folder else None
+    model = Model(result["model"], source, result["scene_steps"])
+    return TrainResult(model, result["steps"], folder or None, metrics, result["report"] or None)
 
 
 def settings():

@@ -31,7 +31,7 @@ class _Rasterize(torch.autograd.Function):
         ctx.set_materialize_grads(False)
         ctx.means2d = call.meta["means2d"] = torch.from_numpy(call.meta["means2d"])
         ctx.dtypes = [None if t is None else t.dtype for t in tensors]
-        ctx.alphas = images["alphas"]
+        ctx.alphas = images["alphas"].copy()  # the caller may change those it gets
         dtype = tensors[0].dtype
         made = {name: torch.from_numpy(array).to(dtype) for name, array in images.items()}
         return made["colors"], made["alphas"], made.get("flow")
