@@ -157,7 +157,8 @@ def test_type_stubs_have_the_same_arguments(stub):
         functions = {node.name: node.args for node in ast.parse(file.read()).body if isinstance(node, ast.FunctionDef)}
     for name, args in functions.items():
         signature = inspect.signature(getattr(gflow, name)).parameters.values()
-        assert [arg.arg for arg in args.args + args.kwonlyargs] == [p.name for p in signature]
+        named = args.posonlyargs + args.args + args.kwonlyargs + ([args.kwarg] if args.kwarg else [])
+        assert [arg.arg for arg in named] == [p.name for p in signature]
         defaults = [p.default for p in signature if p.default is not p.empty]
         assert [ast.literal_eval(value) for value in args.defaults + args.kw_defaults] == defaults
 

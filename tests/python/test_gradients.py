@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from scenes import SIZE, one_view, scene, without_motion
+from scenes import SIZE, one_view, scene, single, without_motion
 
 torch = pytest.importorskip("torch")
 import reference  # noqa: E402

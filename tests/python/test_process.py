@@ -139,7 +139,7 @@ def test_an_unknown_device_is_an_error():
 def test_help_is_readable():
     done = run("import gflow; help(gflow); help(gflow.rasterization)")
     assert "colors [C, H, W, X]" in done.stdout and "gflow.torch" in done.stdout and not done.stderr
-    signatures = ("rasterization(means, quats", "train(scene, run")
+    signatures = ("rasterization(means, quats", "train(scene, /, run")
     lines = [line for line in done.stdout.splitlines() if not any(start in line for start in signatures)]
     assert max(map(len, lines)) < 140
 

@@ -120,9 +120,12 @@ class Scene:
             raise _core.InputError(f"a scene of arrays: argument 'fps' is {fps}, expected time steps per second")
         if points is not None:
             points = np.ascontiguousarray(points, dtype=np.float64)
-            colors = np.full(points.shape, 128, np.uint8) if colors is None else np.ascontiguousarray(colors)
-            if colors.dtype != np.uint8 or not np.isfinite(points).all():
-                raise _core.InputError("a scene of arrays: argument 'colors' should be uint8, and 'points' finite")
+            colors = np.full(points.shape, 128) if colors is None else np.asarray(colors)
+            if colors.dtype.kind not in "iu" or (colors < 0).any() or (colors > 255).any():
+                raise _core.InputError("a scene of arrays: argument 'colors' should be whole numbers, 0 to 255")
+            if not np.isfinite(points).all():
+                raise _core.InputError("a scene of arrays: argument 'points' has a NaN or Inf")
+            colors = np.ascontiguousarray(colors, np.uint8)
             if points.ndim != 2 or points.shape[1] != 3 or colors.shape != points.shape:
                 raise _core.InputError(f"a scene of arrays: arguments 'points' and 'colors' have shapes {points.shape} "
                                        f"and {colors.shape}, expected (P, 3) both")
