@@ -11,6 +11,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "apps/common/command_line.hpp"
 #include "apps/common/compile_ahead.hpp"
@@ -23,18 +24,22 @@
 #include "apps/viewer/server.hpp"
 #include "optim/eval/metric_networks.hpp"
 #include "optim/options/quality.hpp"
+#include "optim/runs/follow.hpp"
 #include "optim/runs/train_run.hpp"
 #include "optim/runs/video_cameras.hpp"
 #include "optim/train/guidance_provider.hpp"
+#include "optim/train/team.hpp"
 #include "runtime/base/decimal.hpp"
 #include "runtime/base/output.hpp"
+#include "runtime/base/warning.hpp"
+#include "runtime/ranks/ranks.hpp"
 
 namespace gflow {
 namespace {
 
 struct TrainFlags {
   std::string scene, run, quality, config_file, init, cameras, method;
-  std::vector<std::string> settings;
+  std::vector<std::string> settings, devices;
   int iterations = 0, resolution = 1;
   int save_every = 0;
   Undrawable undrawable = Undrawable::left_out;
@@ -147,23 +152,114 @@ class TrainingView {
   std::unique_ptr<RunningProgram> browser_;
 };
 
+// The devices of this process, each but the first with a thread that follows the leader.
+class Followers {
+ public:
+  Followers(Team& team, std::vector<std::unique_ptr<Queue>> queues)
+      : team_(team), queues_(std::move(queues)) {
+    for (size_t i = 0; i < queues_.size(); ++i)
+      threads_.emplace_back([this, i] { follow(team_.seat(i + 1), *queues_[i]); });
+  }
+  // Waits for them; the seat of the first device has ended or failed.
+  ~Followers() {
+    for (std::thread& thread : threads_) thread.join();
+  }
+  Followers(const Followers&) = delete;
+  Followers& operator=(const Followers&) = delete;
+
+ private:
+  Team& team_;
+  std::vector<std::unique_ptr<Queue>> queues_;
+  std::vector<std::thread> threads_;
+};
+
+// Ends the training of the others, however that of the leader ends.
+struct EndOfSeat {
+  ~EndOfSeat() { seat->end(); }
+  Seat* seat;
+};
+
+void train_on(Queue& queue, Seat* seat, const TrainFlags& flags, const TrainOptions& config,
+              const GlobalOptions& options);
+
+// The devices of --devices, or the one of --device.
+std::vector<std::unique_ptr<Queue>> open_queues(const TrainFlags& flags,
+                                                const GlobalOptions& options) {
+  std::vector<std::unique_ptr<Queue>> queues;
+  for (size_t i = 0; i < std::max<size_t>(flags.devices.size(), 1); ++i) {
+    GlobalOptions device = options;
+    if (!flags.devices.empty()) device.device = flags.devices[i];
+    queues.emplace_back(new Queue(open_queue(device)));
+  }
+  return queues;
+}
+
+// As train_on(), by several devices of this process, of several ranks, or both. The leader's rank
+// reports all failures.
+void train_together(const TrainFlags& flags, const CLI::App& command,
+                    const GlobalOptions& options) {
+  Ranks ranks;
+  ProcessPlace place;
+  if (ranks.count() > 1)
+    place = {size_t(ranks.rank()), ranks.machine(),
+             [&ranks](const std::string& message) { return ranks.gather(message); }};
+  const bool leads = ranks.rank() == 0;
+  std::optional<WarningsTo> silence;
+  if (!leads) silence.emplace([](const std::string&) {});
+  std::vector<std::unique_ptr<Queue>> queues;
+  std::exception_ptr failure;
+  std::string sentence;
+  try {
+    queues = open_queues(flags, options);
+  } catch (const std::exception& problem) {
+    failure = std::current_exception();
+    sentence = problem.what();
+  }
+  Team team(std::max<size_t>(queues.size(), 1), place);
+  Seat& seat = team.seat(0);
+  if (failure) {
+    seat.fail(sentence);
+    if (leads) std::rethrow_exception(failure);
+    return;
+  }
+  const std::unique_ptr<Queue> first = std::move(queues.front());
+  queues.erase(queues.begin());
+  const Followers followers(team, std::move(queues));
+  const EndOfSeat end_of_seat{&seat};
+  if (leads)
+    train_on(*first, &seat, flags, configured(flags, command), options);
+  else
+    follow(seat, *first);
+}
+
 void run_train(const TrainFlags& flags, const GlobalOptions& options, const CLI::App& command) {
+  if (flags.devices.size() > 1 || Ranks::announced() > 1)
+    return train_together(flags, command, options);
   TrainOptions config = configured(flags, command);
   GlobalOptions device = options;
+  if (!flags.devices.empty()) device.device = flags.devices.front();
   if (device.device.empty()) device.device = config.train.device;
   const CompileAhead ahead(device.device, config);
   QueueOptions queue_options;
   queue_options.profile = flags.profile;
   Queue queue = open_queue(device, queue_options);
+  train_on(queue, nullptr, flags, config, device);
+}
+
+// seat: of the leader of several devices; nullptr: this device trains alone.
+void train_on(Queue& queue, Seat* seat, const TrainFlags& flags, const TrainOptions& settings,
+              const GlobalOptions& options) {
+  TrainOptions config = settings;
   const RunFolder run(flags.run);
   std::optional<CameraMethod> method;
   if (!flags.method.empty()) method = value_named<CameraMethod>(flags.method);
   find_cameras_of_video(config, run, method, flags.resume, options.quiet);
   TrainExtensions extensions;
   std::unique_ptr<TrainingView> view;
-  if (flags.view) view = std::make_unique<TrainingView>(flags, config, device);
+  if (flags.view) view = std::make_unique<TrainingView>(flags, config, options);
   report::RecordedNotices notices(view ? view->observer() : nullptr);
   extensions.observer = &notices;
+  extensions.seat = seat;
   const std::vector<std::string> before =
       flags.resume ? report::read_notices(run) : std::vector<std::string>();
   for (const std::string& sentence : before) notices.add(sentence);
@@ -285,6 +381,14 @@ void add_train(CLI::App& app, const GlobalOptions& options) {
   command->add_flag("--view", flags->view,
                     "Show the training in a browser, at the address that is printed");
   add_server_options(*command, flags->server, flags->open, " of --view");
+  command
+      ->add_option("--devices", flags->devices,
+                   "Train on several devices, e.g. 0,1: each renders its share of the views of a "
+                   "batch (train.batch). mpirun adds those of other processes and machines")
+      ->delimiter(',')
+      ->check(list_entry())
+      ->type_name("INDEX|NAME,...")
+      ->default_str("");
   command->add_flag("--profile", flags->profile, "Print the time of each kernel");
   command->callback([flags, &options, command] { run_train(*flags, options, *command); });
 }

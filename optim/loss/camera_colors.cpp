@@ -47,6 +47,33 @@ void CameraColors::backward(Queue& queue, size_t camera, size_t pixels, const Bu
                     colors_.values, rgb, v_rgb, partial_);
   camera_color_grads_(queue, Range::over(CAMERA_COLOR_SIZE), cl_uint(items), cl_uint(camera),
                       rule_.shrink, partial_, colors_.values, colors_.grads);
+  begin_visit(queue, camera)
+      .gradient.copy_range(queue, colors_.grads, camera * CAMERA_COLOR_SIZE, 0, CAMERA_COLOR_SIZE);
+}
+
+CameraColors::Visit& CameraColors::begin_visit(Queue& queue, size_t camera) {
+  if (visited_ == visits_.size())
+    visits_.push_back({0, Buffer<float>(queue, CAMERA_COLOR_SIZE, "gradient of a visit")});
+  Visit& visit = visits_[visited_++];
+  visit.camera = camera;
+  return visit;
+}
+
+std::vector<float> CameraColors::take_visit(Queue& queue) {
+  return visits_[--visited_].gradient.read(queue);
+}
+
+void CameraColors::add_visit(Queue& queue, size_t camera, const std::vector<float>& gradient) {
+  begin_visit(queue, camera).gradient.write(queue, gradient);
+}
+
+void CameraColors::step(Queue& queue) {
+  for (size_t i = 0; i < visited_; ++i) {
+    const size_t first = visits_[i].camera * CAMERA_COLOR_SIZE;
+    colors_.grads.copy_range(queue, visits_[i].gradient, 0, first, CAMERA_COLOR_SIZE);
+    step(queue, visits_[i].camera);
+  }
+  visited_ = 0;
 }
 
 void CameraColors::step(Queue& queue, size_t camera) {
@@ -72,6 +99,7 @@ void CameraColors::load_state(Queue& queue, const Arrays& arrays, const std::str
   const auto& mean = exact_values<float>(arrays, "camera_colors/exp_avg", shape, path);
   const auto& square = exact_values<float>(arrays, "camera_colors/exp_avg_sq", shape, path);
   const auto& steps = exact_values<uint32_t>(arrays, "camera_colors/steps", {cameras_}, path);
+  visited_ = 0;
   colors_.values.write(queue, values);
   colors_.exp_avg.write(queue, mean);
   colors_.exp_avg_sq.write(queue, square);

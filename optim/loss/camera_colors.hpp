@@ -22,12 +22,16 @@ class CameraColors {
 
   // What a camera shows of rgb [3, pixels]; valid until the next call.
   const Buffer<float>& show(Queue& queue, size_t camera, size_t pixels, const Buffer<float>& rgb);
-  // Turns v_rgb [3, pixels], dL / d shown, into dL / d rgb, and sets the camera's row of
-  // colors().grads. rgb as in show().
+  // Turns v_rgb [3, pixels], dL / d shown, into dL / d rgb, sets the camera's row of
+  // colors().grads, and notes it as a visit. rgb as in show().
   void backward(Queue& queue, size_t camera, size_t pixels, const Buffer<float>& rgb,
                 Buffer<float>& v_rgb);
-  // A step of Adam for one camera.
-  void step(Queue& queue, size_t camera);
+  // Removes the last visit and returns its gradient [12]. Waits.
+  std::vector<float> take_visit(Queue& queue);
+  // Notes a visit of a camera with its gradient.
+  void add_visit(Queue& queue, size_t camera, const std::vector<float>& gradient);
+  // A step of Adam for each visit since the last call, in their order.
+  void step(Queue& queue);
 
   // M and b of all cameras [cameras, 12].
   ParameterGroup& colors() { return colors_; }
@@ -35,6 +39,13 @@ class CameraColors {
   void load_state(Queue& queue, const Arrays& arrays, const std::string& path);
 
  private:
+  struct Visit {
+    size_t camera;
+    Buffer<float> gradient;  // [12]
+  };
+  Visit& begin_visit(Queue& queue, size_t camera);
+  void step(Queue& queue, size_t camera);
+
   size_t cameras_;
   CameraColorRule rule_;
   Program program_;
@@ -45,6 +56,8 @@ class CameraColors {
   Adam adam_;
   ParameterGroup colors_;
   RowState rows_;
+  std::vector<Visit> visits_;  // the first visited_ are those of this step
+  size_t visited_ = 0;
   Buffer<float> shown_{"shown colours"}, partial_{"camera colour sums"};
 };
 

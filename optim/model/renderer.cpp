@@ -57,7 +57,7 @@ RowList Renderer::moving_rows() const {
   return {std::min(all.count, shot_.view.moving), all.rows};
 }
 
-void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
+void Renderer::pose(Queue& queue, Model& model, const Shot& shot) {
   shot_ = shot;
   shot_.sh_degree = std::min(shot.sh_degree, model.shape.sh_degree);
   View& view = shot_.view;
@@ -74,14 +74,29 @@ void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
                      moving_rows());
   if (has_t0())
     model.motion->at(queue, model.parameters, model.time(shot_.time_t0()), &seen, t0_, rows);
-  model.color.forward(queue, model.parameters, bands(model), shot.view.camera, t1_, seen, colors_,
-                      rows);
+}
+
+void Renderer::forward(Queue& queue, Model& model, const Shot& shot) {
+  pose(queue, model, shot);
+  model.color.forward(queue, model.parameters, bands(model), shot.view.camera, t1_,
+                      engine_.splats().tiles_touched, colors_, rows_.list());
   engine_.draw(queue, shot.background, t1_, shot.flow ? t2_ : t1_, colors_);
 }
 
 GaussianGradients& Renderer::backward_to_poses(Queue& queue, const ImageGradients& v) {
+  engine_.backward(queue, t1_, shot_.flow ? t2_ : t1_, v, gradients_);
+  zero_other_times(queue);
+  return gradients_;
+}
+
+GaussianGradients& Renderer::begin_gradients(Queue& queue) {
+  gradients_.ensure(queue, rows_.count());
+  zero_other_times(queue);
+  return gradients_;
+}
+
+void Renderer::zero_other_times(Queue& queue) {
   GaussianGradients& g = gradients_;
-  engine_.backward(queue, t1_, shot_.flow ? t2_ : t1_, v, g);
   if (shot_.pose_t2 && !shot_.flow) {
     g.v_means_t2.fill(queue, 0);
     g.v_factors_t2.fill(queue, 0);
@@ -92,7 +107,6 @@ GaussianGradients& Renderer::backward_to_poses(Queue& queue, const ImageGradient
     g.v_means_t0.fill(queue, 0);
     g.v_factors_t0.fill(queue, 0);
   }
-  return g;
 }
 
 void Renderer::backward_to_parameters(Queue& queue, Model& model) {

@@ -33,6 +33,13 @@ class Renderer {
       : engine_(queue, settings), skip_(settings.skip), rows_(queue) {}
 
   void forward(Queue& queue, Model& model, const Shot& shot);
+  // The part of forward() that backward_to_parameters() needs: poses, and which Gaussians are
+  // visible. For a view that another device has rendered, whose gradients() follow by
+  // begin_gradients().
+  void pose(Queue& queue, Model& model, const Shot& shot);
+  // After pose(): the gradients of the poses in the right sizes, to be written by the caller; those
+  // of times that the images do not depend on are 0.
+  GaussianGradients& begin_gradients(Queue& queue);
   // Backward pass of the last forward(): gradients of sum(images . v) to model.parameters, set for
   // rows not seen before in this training step, added for the others. Marks rows as seen.
   void backward(Queue& queue, Model& model, const ImageGradients& v) {
@@ -56,6 +63,7 @@ class Renderer {
   const GaussiansAt* gaussians_t0() const { return has_t0() ? &t0_ : nullptr; }
   const Engine& engine() const { return engine_; }
   const GaussianGradients& gradients() const { return gradients_; }
+  GaussianGradients& gradients() { return gradients_; }
   // Whether static Gaussians kept their pose in the last view with flow (View::moving).
   bool stood_still() const { return shot_.view.moving < all_rows; }
   const Shot& shot() const { return shot_; }  // of the last forward()
@@ -69,6 +77,7 @@ class Renderer {
   RowList moving_rows() const;
   Bands bands(const Model& model) const;
   bool has_t0() const;
+  void zero_other_times(Queue& queue);
 
   Engine engine_;
   Skips skip_;

@@ -162,12 +162,17 @@ void CameraObjective::save_state(Queue&, Arrays& arrays) {
 
 void CameraObjective::load_state(Queue&, const Arrays& arrays, const std::string& path) {
   const auto& start = exact_values<double>(arrays, "cameras/start", {start_.size(), 16}, path);
-  for (size_t i = 0; i < start_.size(); ++i)
-    start_[i] = Eigen::Map<const Eigen::Matrix4d>(&start[16 * i]);
+  bool moves = focal_.steps[0] > 0;
+  for (size_t i = 0; i < start_.size(); ++i) {
+    const Eigen::Matrix4d pose(&start[16 * i]);
+    moves = moves || pose != start_[i];
+    start_[i] = pose;
+  }
   start_focal_ = exact_values<double>(arrays, "cameras/start_focal", {1}, path)[0];
   load("poses", poses_, arrays, path);
   load("focal", focal_, arrays, path);
-  apply();
+  // Before the first correction the cameras keep their bits.
+  if (moves || focal_.steps[0] > 0) apply();
 }
 
 }  // namespace gflow

@@ -158,6 +158,22 @@ void DepthObjective::add_gradients(Queue& queue, const ViewContext& view, const 
   is_new_ = true;
 }
 
+std::vector<float> DepthObjective::take_view(Queue& queue, const ViewContext& view) {
+  const auto image = images_.find(view.sample.frame->depth_path);
+  if (image == images_.end()) return {};
+  std::vector<float> fit = loss_.fits().read_range(queue, 4 * image->second, 4);
+  fit.push_back(whole_fits_[image->second]);
+  return fit;
+}
+
+void DepthObjective::give_view(Queue& queue, const ViewContext& view,
+                               const std::vector<float>& fit) {
+  const auto image = images_.find(view.sample.frame->depth_path);
+  if (image == images_.end()) return;
+  loss_.fits().write_range(queue, 4 * image->second, {fit.begin(), fit.begin() + 4});
+  whole_fits_[image->second] = fit[4] > 0;
+}
+
 DepthLossValue DepthObjective::value(Queue& queue) {
   if (is_new_) value_ = loss_.value(queue);
   is_new_ = false;

@@ -25,6 +25,9 @@ class DepthObjective : public Objective {
   void request(Queue& queue, const ViewContext& view, Shot& shot) override;
   void add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
                      ImageGradients& v) override;
+  // The fit of the view's image, and whether it is of the whole image.
+  std::vector<float> take_view(Queue& queue, const ViewContext& view) override;
+  void give_view(Queue& queue, const ViewContext& view, const std::vector<float>& fit) override;
   // depth_loss and depth_error (DepthLossValue::error) of the last view that has depth; 0 before.
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
   void save_state(Queue& queue, Arrays& arrays) override;

@@ -73,7 +73,19 @@ void ImageObjective::add_gradients(Queue& queue, const ViewContext& view, const 
   weigh_foreground(queue, view, v.v_rgb);
   if (!colors_) return;
   colors_->backward(queue, row, pixels, rgb, v.v_rgb);
-  colors_->step(queue, row);
+}
+
+std::vector<float> ImageObjective::take_view(Queue& queue, const ViewContext&) {
+  return colors_ ? colors_->take_visit(queue) : std::vector<float>{};
+}
+
+void ImageObjective::give_view(Queue& queue, const ViewContext& view,
+                               const std::vector<float>& visit) {
+  if (colors_) colors_->add_visit(queue, color_rows_.at(view.sample.frame->camera), visit);
+}
+
+void ImageObjective::end_step(Queue& queue, const StepContext&) {
+  if (colors_) colors_->step(queue);
 }
 
 void ImageObjective::weigh_foreground(Queue& queue, const ViewContext& view, Buffer<float>& v_rgb) {

@@ -27,6 +27,9 @@ class ImageObjective : public Objective {
 
   void add_gradients(Queue& queue, const ViewContext& view, const Renderer& renderer,
                      ImageGradients& v) override;
+  std::vector<float> take_view(Queue& queue, const ViewContext& view) override;
+  void give_view(Queue& queue, const ViewContext& view, const std::vector<float>& visit) override;
+  void end_step(Queue& queue, const StepContext& context) override;
   // Reports the unweighted loss, l1, ssim and psnr [dB] of the last view.
   void report(Queue& queue, const Renderer& renderer, LossReport& report) override;
   void save_state(Queue& queue, Arrays& arrays) override;

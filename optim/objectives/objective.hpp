@@ -88,6 +88,12 @@ class Objective {
   virtual void add_pose_gradients(Queue&, const ViewContext&, const Renderer&, GaussianGradients&) {
   }
 
+  // On several devices, add_gradients() of a view runs on one of them. take_view() removes from
+  // this objective what it left there for later views and steps; give_view() puts it into those of
+  // every device, in the order of the views, before add_pose_gradients().
+  virtual std::vector<float> take_view(Queue&, const ViewContext&) { return {}; }
+  virtual void give_view(Queue&, const ViewContext&, const std::vector<float>&) {}
+
   // After the last view of a step.
   virtual void end_step(Queue&, const StepContext&) {}
 

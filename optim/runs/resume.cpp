@@ -8,10 +8,7 @@
 #include "runtime/base/warning.hpp"
 
 namespace gflow {
-namespace {
 
-// Fingerprint of the training data, independent of its location: cameras, times, and names and
-// sizes of images.
 std::string scene_stamp(const Scene& scene) {
   std::string stamp =
       fmt::format("{} {} {} {}\n", scene.layout, scene.extent, scene.steps, scene.train.size());
@@ -27,6 +24,8 @@ std::string scene_stamp(const Scene& scene) {
   }
   return crc32_text(stamp.data(), stamp.size());
 }
+
+namespace {
 
 // Error if these settings or this scene would continue another training than the one begun.
 void require_same_training(const CheckpointFolder::Found& found, const TrainOptions& config,

@@ -5,6 +5,10 @@
 
 namespace gflow {
 
+// Fingerprint of the training data, independent of its location: cameras, times, and names and
+// sizes of images.
+std::string scene_stamp(const Scene& scene);
+
 // Error if a setting that affects the result, the cameras or the images differ from those that the
 // checkpoint was written with. Warns if the result will not be bitwise equal to that of an
 // uninterrupted run.

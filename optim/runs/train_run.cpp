@@ -10,6 +10,7 @@
 #include "optim/objectives/camera_objective.hpp"
 #include "optim/options/scene_defaults.hpp"
 #include "optim/runs/evaluate_run.hpp"
+#include "optim/runs/follow.hpp"
 #include "optim/runs/model_trials.hpp"
 #include "optim/runs/replacement.hpp"
 #include "optim/runs/train_steps.hpp"
@@ -177,8 +178,14 @@ Evaluation train_and_evaluate(RunParts& parts, Model& model,
                     Validation(queue, config, prepared.loaded()),
                     prepared.frames(),
                     extensions.observer};
+  if (extensions.seat) {
+    if (!prepared.motion_masks().empty())
+      throw Error("training on several devices: a scene of one moving camera needs one device");
+    lead(*extensions.seat, queue, prepared.scene(), checkpoints, before.step, trainer);
+  }
   std::optional<InterruptGuard> guard;
   const int steps = train_steps(training, before.step, guard, quiet, at_first);
+  if (extensions.seat) extensions.seat->end();
   prepared.flows().prefetch({});  // cancel prefetching for steps that are not made
   if (!guard) guard.emplace();
   const RunFacts facts = keep_result(training, steps);
@@ -272,6 +279,7 @@ Evaluation only_evaluate(RunParts& parts) {
 Evaluation train_run(Queue& queue, const TrainOptions& options, const RunFolder& run, bool quiet,
                      Start start, const TrainExtensions& extensions) {
   check(options);
+  if (extensions.seat) require_divisible(options, extensions.seat->devices());
   TrainOptions config = options;
   const std::unique_ptr<WarningsTo> warnings = warnings_to(extensions.observer);
   run.require_its_folders();

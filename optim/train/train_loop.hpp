@@ -66,6 +66,7 @@ class StepCounter : public TrainObserver {
 struct TrainExtensions {
   TrainObserver* observer = nullptr;      // nullptr: none
   std::vector<MakeObjective> objectives;  // after gflow's own
+  Seat* seat = nullptr;  // train_run: of the leader of several devices; nullptr: one trains alone
 };
 
 // Sends warnings to the observer while the result exists; nullptr, or one that takes none: they

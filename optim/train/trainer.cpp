@@ -7,6 +7,7 @@
 
 #include "optim/engine/random_streams.hpp"
 #include "optim/motion/parameters_state.hpp"
+#include "optim/train/orders.hpp"
 #include "shared/random.h"
 
 namespace gflow {
@@ -47,7 +48,10 @@ void Trainer::prefetch(int step) {
   std::vector<const Frame*> frames;
   std::vector<size_t> flows;
   for (int next = step + 1; next < in_.options.train.iterations; ++next) {
-    for (const Sample& sample : sampler_.at(next)) {
+    const std::vector<Sample> samples = sampler_.at(next);
+    for (size_t b = 0; b < samples.size(); ++b) {
+      if (seat_ && seat_->owner(b, samples.size()) != seat_->index()) continue;
+      const Sample& sample = samples[b];
       if (next == step + 1) frames.push_back(sample.frame);
       if (sample.pair >= 0) flows.push_back(size_t(sample.pair));
     }
@@ -59,7 +63,63 @@ void Trainer::prefetch(int step) {
   in_.flows.prefetch(flows);
 }
 
+void Trainer::see(Queue& queue, const Sample& sample) {
+  const Camera& camera = in_.frames.camera(*sample.frame);
+  const bool some_ignored = in_.scene.masks == Masks::ignore && !sample.frame->mask_path.empty();
+  optimizer_.population().see(queue, renderer(), renderer().shot(), camera.width, camera.height,
+                              some_ignored);
+}
+
+void Trainer::run_views(Queue& queue, const StepContext& context,
+                        const std::vector<Sample>& samples) {
+  const bool all_posed = optimizer_.population().needs_all_posed();
+  for (size_t b = 0; b < samples.size(); ++b) {
+    view_pass_.run(queue, context, samples[b], int(b), all_posed);
+    untouched_ = false;
+    see(queue, samples[b]);
+  }
+}
+
+void Trainer::run_divided_views(Queue& queue, const StepContext& context,
+                                const std::vector<Sample>& samples) {
+  const bool all_posed = optimizer_.population().needs_all_posed();
+  std::string mine;
+  for (size_t b = 0; b < samples.size(); ++b)
+    if (seat_->owner(b, samples.size()) == seat_->index())
+      append(mine, view_pass_.render(queue, context, samples[b], int(b), all_posed));
+  const auto records = seat_->exchange(mine);
+  std::vector<const char*> at;  // the next record of each device
+  for (const std::string& bytes : *records) at.push_back(bytes.data());
+  untouched_ = false;
+  for (size_t b = 0; b < samples.size(); ++b) {
+    const ViewRecord record = take(at[seat_->owner(b, samples.size())]);
+    view_pass_.add(queue, context, samples[b], int(b), record);
+    see(queue, samples[b]);
+  }
+}
+
 void Trainer::step(Queue& queue, int step) {
+  if (seat_) seat_->exchange(order_to_step(step, rate_scale()));
+  make_step(queue, step);
+}
+
+void Trainer::follow(Queue& queue) {
+  try {
+    for (;;) {
+      const std::string order = seat_->from_leader();
+      if (is_state(order)) {
+        apply_state(queue, arrays_of_order(order), "the leader's state");
+        continue;
+      }
+      const StepOrder step = step_of_order(order);
+      set_rate_scale(step.rate_scale);
+      make_step(queue, step.number);
+    }
+  } catch (const TrainingEnded&) {
+  }
+}
+
+void Trainer::make_step(Queue& queue, int step) {
   untouched_ = true;
   prefetch(step);
   Population& population = optimizer_.population();
@@ -77,14 +137,7 @@ void Trainer::step(Queue& queue, int step) {
     const PinholeCamera& camera = shot.view.camera;
     population.see(queue, renderer(), shot, camera.width, camera.height, false);
   });
-  int in_batch = 0;
-  for (const Sample& sample : samples) {
-    view_pass_.run(queue, context, sample, in_batch++, population.needs_all_posed());
-    untouched_ = false;
-    const Camera& camera = in_.frames.camera(*sample.frame);
-    const bool some_ignored = in_.scene.masks == Masks::ignore && !sample.frame->mask_path.empty();
-    population.see(queue, renderer(), renderer().shot(), camera.width, camera.height, some_ignored);
-  }
+  seat_ ? run_divided_views(queue, context, samples) : run_views(queue, context, samples);
   untouched_ = false;
   view_pass_.end_step(queue, context);
   const bool warming = sampler_.curriculum().warming(step);
@@ -102,6 +155,11 @@ Arrays Trainer::state(Queue& queue) {
 }
 
 void Trainer::set_state(Queue& queue, const Arrays& arrays, const std::string& path) {
+  apply_state(queue, arrays, path);
+  if (seat_) seat_->exchange(order_of_state(arrays));
+}
+
+void Trainer::apply_state(Queue& queue, const Arrays& arrays, const std::string& path) {
   load_state(queue, in_.model.parameters, arrays, path);
   optimizer_.population().load_state(queue, arrays, path);
   const bool is_scaled = arrays.count("caution");

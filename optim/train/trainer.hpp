@@ -8,6 +8,7 @@
 #include "optim/train/make_objectives.hpp"
 #include "optim/train/optimizer.hpp"
 #include "optim/train/sampler.hpp"
+#include "optim/train/seat.hpp"
 #include "optim/train/view_pass.hpp"
 
 namespace gflow {
@@ -31,6 +32,12 @@ class Trainer {
   ~Trainer();
   Trainer(const Trainer&) = delete;
   Trainer& operator=(const Trainer&) = delete;
+
+  // From now on this device trains with others, whose trainers are in the same state. The leader's
+  // step() and set_state() tell them what to do, the others call follow().
+  void join(Seat& seat) { seat_ = &seat; }
+  // Makes what the leader makes, until it ends.
+  void follow(Queue& queue);
 
   // Makes step number `step`, from 0. GuidanceFailed leaves everything as it was before the step.
   void step(Queue& queue, int step);
@@ -64,6 +71,15 @@ class Trainer {
   const Scene& scene() const { return in_.scene; }
 
  private:
+  void make_step(Queue& queue, int step);
+  void apply_state(Queue& queue, const Arrays& arrays, const std::string& path);
+  // The views of a step, all of them on this device or divided over several.
+  void run_views(Queue& queue, const StepContext& context, const std::vector<Sample>& samples);
+  void run_divided_views(Queue& queue, const StepContext& context,
+                         const std::vector<Sample>& samples);
+  // Density control sees the view that was just added.
+  void see(Queue& queue, const Sample& sample);
+
   // Loads images and flow of the next step in the background; if flow is computed, that of several
   // steps.
   void prefetch(int step);
@@ -75,6 +91,7 @@ class Trainer {
   ViewPass view_pass_;
   Optimizer optimizer_;
   Reduce reduce_;
+  Seat* seat_ = nullptr;   // nullptr: this device trains alone
   bool untouched_ = true;  // by the current step
   bool warned_of_emptiness_ = false;
 };

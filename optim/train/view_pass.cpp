@@ -55,21 +55,49 @@ Shot ViewPass::shot_of(const ViewContext& view) const {
   return shot;
 }
 
-void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
-                   bool all_posed) {
-  const ViewContext view = context_of(context, sample, in_batch);
+Shot ViewPass::compare(Queue& queue, const ViewContext& view, bool all_posed) {
   Shot shot = shot_of(view);
   shot.all_posed = all_posed;
   for (const auto& objective : objectives_) objective->request(queue, view, shot);
   renderer_.forward(queue, model_, shot);
-  empty_views_ = renderer_.engine().tiles().intersections > 0 ? 0 : empty_views_ + 1;
-
   v_.zero(queue, renderer_.images(), shot.flow, shot.depth);
   for (const auto& objective : objectives_) objective->add_gradients(queue, view, renderer_, v_);
-  GaussianGradients& poses = renderer_.backward_to_poses(queue, v_);
+  renderer_.backward_to_poses(queue, v_);
+  return shot;
+}
+
+void ViewPass::add_to_parameters(Queue& queue, const ViewContext& view, GaussianGradients& poses,
+                                 size_t intersections) {
+  empty_views_ = intersections > 0 ? 0 : empty_views_ + 1;
   for (const auto& objective : objectives_)
     objective->add_pose_gradients(queue, view, renderer_, poses);
   renderer_.backward_to_parameters(queue, model_);
+}
+
+void ViewPass::run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
+                   bool all_posed) {
+  const ViewContext view = context_of(context, sample, in_batch);
+  compare(queue, view, all_posed);
+  add_to_parameters(queue, view, renderer_.gradients(), renderer_.engine().tiles().intersections);
+}
+
+ViewRecord ViewPass::render(Queue& queue, const StepContext& context, const Sample& sample,
+                            int in_batch, bool all_posed) {
+  const ViewContext view = context_of(context, sample, in_batch);
+  const Shot shot = compare(queue, view, all_posed);
+  ViewRecord record = record_of(queue, renderer_, model_, shot);
+  for (const auto& objective : objectives_)
+    record.taken.push_back(objective->take_view(queue, view));
+  return record;
+}
+
+void ViewPass::add(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
+                   const ViewRecord& record) {
+  const ViewContext view = context_of(context, sample, in_batch);
+  GaussianGradients& poses = restore(queue, renderer_, model_, record, tiles_);
+  for (size_t i = 0; i < objectives_.size(); ++i)
+    objectives_[i]->give_view(queue, view, record.taken[i]);
+  add_to_parameters(queue, view, poses, size_t(record.intersections));
 }
 
 void ViewPass::end_step(Queue& queue, const StepContext& context) {

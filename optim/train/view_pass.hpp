@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // One view of a training step on one device: renders it, lets the objectives compare, and adds the
-// gradients to the model's parameters, in the order of the views. Training on several devices needs
-// a pass and a model for each, and a sum of their gradients in that order before Optimizer::step().
+// gradients to the model's parameters, in the order of the views. When several devices train, each
+// has a pass and a model: it renders some of the views, and adds the gradients of all.
 #pragma once
 #include <memory>
 #include <vector>
 
 #include "optim/objectives/objective.hpp"
 #include "optim/scene/frame_store.hpp"
+#include "optim/train/view_record.hpp"
 
 namespace gflow {
 
@@ -27,6 +28,13 @@ class ViewPass {
   // density control needs Gaussians outside the image, too.
   void run(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
            bool all_posed);
+
+  // The two halves of run(), for several devices: one renders the view and gets its gradients by
+  // the poses, each adds them to the parameters. Between them other views may be rendered.
+  ViewRecord render(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
+                    bool all_posed);
+  void add(Queue& queue, const StepContext& context, const Sample& sample, int in_batch,
+           const ViewRecord& record);
 
   // After the last view of a step.
   void end_step(Queue& queue, const StepContext& context);
@@ -50,6 +58,10 @@ class ViewPass {
  private:
   ViewContext context_of(const StepContext& context, const Sample& sample, int in_batch) const;
   Shot shot_of(const ViewContext& view) const;
+  // Renders a view as the objectives request it, and sets the gradients of its poses.
+  Shot compare(Queue& queue, const ViewContext& view, bool all_posed);
+  void add_to_parameters(Queue& queue, const ViewContext& view, GaussianGradients& poses,
+                         size_t intersections);
 
   float near_;
   int time_steps_;
@@ -58,6 +70,7 @@ class ViewPass {
   Renderer renderer_;
   std::vector<std::unique_ptr<Objective>> objectives_;
   ImageGradients v_;
+  Buffer<float> tiles_{"flow tiles of a view"};  // of another device
   int empty_views_ = 0;
 };
 

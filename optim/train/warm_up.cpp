@@ -70,7 +70,7 @@ void compare(Queue& queue, const TrainOptions& config, const Scene& scene, WarmU
     CameraColors colors(queue, 1, {});
     colors.show(queue, 0, pixels, p.images.rgb);
     colors.backward(queue, 0, pixels, p.images.rgb, p.v.v_rgb);
-    colors.step(queue, 0);
+    colors.step(queue);
   }
   ImageLoss image(queue, config.loss.ssim);
   image.run(queue, TILE, TILE, p.images.rgb, zeros<cl_uchar>(queue, 3 * pixels), p.v.v_rgb);

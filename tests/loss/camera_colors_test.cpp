@@ -65,7 +65,7 @@ class TwoExposures {
       for (size_t i = 0; i < v.size(); ++i) v[i] = (v[i] - exposure * rgb[i]) / float(pixels);
       Buffer<float> v_rgb(queue, v, "v_rgb");
       colors.backward(queue, camera, pixels, rgb_, v_rgb);
-      colors.step(queue, camera);
+      colors.step(queue);
     }
   }
 
@@ -112,7 +112,7 @@ TEST(CameraColors, DoNotFollowAGradientThatIsNotFinite) {
   const Buffer<float> rgb(queue, random_colors(20), "rgb");
   Buffer<float> v_rgb(queue, std::vector<float>(60, INFINITY), "v_rgb");
   colors.backward(queue, 0, 20, rgb, v_rgb);
-  colors.step(queue, 0);
+  colors.step(queue);
   EXPECT_EQ(colors.colors().values.read(queue), std::vector<float>(2 * CAMERA_COLOR_SIZE, 0.f));
 }
 
